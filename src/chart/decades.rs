@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::{Range, RangeInclusive};
 
-use crate::{AxisScale, Chart, Layer, Mark};
+use crate::Chart;
 
 /// Magnitudes of numbers that are written without a power of ten.
 const PLAIN: Range<f64> = 1e-4..1e6;
@@ -13,31 +13,21 @@ const SHOWN: RangeInclusive<f64> = 1e-99..=1e99;
 
 impl Chart {
     /// The chart with base-10 logarithms in place of the values of its logarithmic axes. Values that are not positive,
-    /// or outside 1e-99 to 1e99, become NaN, a gap. Radii and sides are lengths in decades there.
+    /// or outside 1e-99 to 1e99, become NaN, a gap. Radii, sides and arrows are lengths in decades there.
     pub(crate) fn in_decades(&self) -> Cow<'_, Self> {
-        let is_log = [&self.x, &self.y].map(|axis| axis.scale == AxisScale::Log);
+        let is_log = [self.x.is_log, self.y.is_log];
         if is_log == [false; 2] {
             return Cow::Borrowed(self);
         }
         let mut chart = self.clone();
-        for axis in [&mut chart.x, &mut chart.y].into_iter().filter(|axis| axis.scale == AxisScale::Log) {
+        for axis in [&mut chart.x, &mut chart.y].into_iter().filter(|axis| axis.is_log) {
             let ends = axis.range.map(|ends| ends.map(decades));
             axis.range = ends.filter(|ends| ends.iter().all(|end| end.is_finite()));
         }
-        chart.layers.iter_mut().for_each(|layer| layer_in_decades(layer, is_log));
+        let mapped = |point: [f64; 2]| [0, 1].map(|i| if is_log[i] { decades(point[i]) } else { point[i] });
+        chart.layers.iter_mut().flat_map(|layer| &mut layer.points).for_each(|point| *point = mapped(*point));
         Cow::Owned(chart)
     }
-}
-
-fn layer_in_decades(layer: &mut Layer, is_log: [bool; 2]) {
-    let mapped = |point: [f64; 2]| [0, 1].map(|axis| if is_log[axis] { decades(point[axis]) } else { point[axis] });
-    if let Mark::Arrows { vectors } = &mut layer.mark {
-        for (vector, from) in vectors.iter_mut().zip(&layer.points) {
-            let (to, from) = (mapped([from[0] + vector[0], from[1] + vector[1]]), mapped(*from));
-            *vector = [to[0] - from[0], to[1] - from[1]];
-        }
-    }
-    layer.points.iter_mut().for_each(|point| *point = mapped(*point));
 }
 
 /// Base-10 logarithm of `value`; NaN for values that are not positive, or outside [`SHOWN`].
@@ -47,11 +37,8 @@ fn decades(value: f64) -> f64 {
 
 /// The number at a tick, without rounding errors; `value` is in decades on a logarithmic axis, where two digits are
 /// enough.
-pub(crate) fn tick_text(scale: AxisScale, value: f64) -> String {
-    let text = match scale {
-        AxisScale::Linear => format!("{value:.11e}"),
-        AxisScale::Log => format!("{:.1e}", 10f64.powf(value)),
-    };
+pub(crate) fn tick_text(is_log: bool, value: f64) -> String {
+    let text = if is_log { format!("{:.1e}", 10f64.powf(value)) } else { format!("{value:.11e}") };
     let value: f64 = text.parse().unwrap_or(value);
     let is_plain = value == 0.0 || PLAIN.contains(&value.abs());
     if is_plain { format!("{}", value + 0.0) } else { format!("{value:e}") }
@@ -64,9 +51,9 @@ mod tests {
 
     #[test]
     fn ticks_have_short_numbers() {
-        let linear = [-0.0, 0.1 + 0.2, -47.0, 0.002_5, 2.5e6, -1e-6].map(|value| tick_text(AxisScale::Linear, value));
+        let linear = [-0.0, 0.1 + 0.2, -47.0, 0.002_5, 2.5e6, -1e-6].map(|value| tick_text(false, value));
         assert_eq!(linear, ["0", "0.3", "-47", "0.0025", "2.5e6", "-1e-6"]);
-        let log = [-2.0, -0.5, 0.0, 0.3, 5.0, 6.0].map(|value| tick_text(AxisScale::Log, value));
+        let log = [-2.0, -0.5, 0.0, 0.3, 5.0, 6.0].map(|value| tick_text(true, value));
         assert_eq!(log, ["0.01", "0.32", "1", "2", "100000", "1e6"]);
     }
 

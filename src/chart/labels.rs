@@ -8,17 +8,6 @@ const DIRECTIONS: usize = 24;
 /// Distances of a label from its disc that are tried, in heights of the label.
 const STEPS: [f64; 12] = [0.0, 0.2, 0.4, 0.7, 1.1, 1.6, 2.2, 3.0, 4.0, 5.5, 7.5, 10.0];
 
-/// Cost of an overlap of one label height with a disc, with another label and with the outside.
-const ON_DISC: f64 = 100.0;
-const ON_LABEL: f64 = 60.0;
-const OUTSIDE: f64 = 40.0;
-
-/// Cost of any overlap, however small.
-const OVERLAP_COST: f64 = 8.0;
-
-/// Cost of a distance of one label height from the disc.
-const DISTANCE_COST: f64 = 0.6;
-
 /// A round part with the label to be placed beside it; y points down.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LabelledDisc {
@@ -30,52 +19,29 @@ pub(crate) struct LabelledDisc {
     pub(crate) half: [f64; 2],
 }
 
-/// Position of a label relative to its disc.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct LabelPlace {
-    /// Middle of the label.
-    pub(crate) center: [f64; 2],
-}
-
-/// Places of the labels of `parts`, each as near to its disc as it can be without covering a disc or another label, and
-/// within `bounds`, from and to along x and y.
-pub(crate) fn place_labels(parts: &[LabelledDisc], bounds: [[f64; 2]; 2]) -> Vec<LabelPlace> {
-    let mut placed: Vec<LabelPlace> = Vec::with_capacity(parts.len());
+/// Middles of the labels of `parts`: the nearest places to each disc where the label covers no disc and no other label,
+/// within `bounds`, from and to along x and y; right below the disc where there is none.
+pub(crate) fn place_labels(parts: &[LabelledDisc], bounds: [[f64; 2]; 2]) -> Vec<[f64; 2]> {
+    let mut placed: Vec<[f64; 2]> = Vec::with_capacity(parts.len());
     for part in parts {
-        let height = (2.0 * part.half[1]).max(f64::MIN_POSITIVE);
-        let cost = |place: &LabelPlace, steps: f64| {
-            let penalty =
-                |weight: f64, depth: f64| if depth > 0.0 { OVERLAP_COST + weight * depth / height } else { 0.0 };
-            let discs = parts.iter().map(|other| penalty(ON_DISC, on_disc(place.center, part.half, other)));
-            let labels =
-                placed.iter().zip(parts).map(|(other, of)| penalty(ON_LABEL, on_label(place, part, other, of)));
-            let beyond = penalty(OUTSIDE, outside(place.center, part.half, bounds));
-            discs.sum::<f64>() + labels.sum::<f64>() + beyond + DISTANCE_COST * steps
+        let is_free = |center: &[f64; 2]| {
+            let off_labels = placed.iter().zip(parts).all(|(other, of)| on_label(*center, part, *other, of) <= 0.0);
+            let off_discs = parts.iter().all(|other| on_disc(*center, part.half, other) <= 0.0);
+            off_labels && off_discs && outside(*center, part.half, bounds) <= 0.0
         };
-        let mut best = (LabelPlace { center: part.center }, f64::INFINITY);
-        for (place, steps) in candidates(part) {
-            // all that follow are farther away
-            if best.1 <= DISTANCE_COST * steps {
-                break;
-            }
-            let total = cost(&place, steps);
-            if total < best.1 {
-                best = (place, total);
-            }
-        }
-        placed.push(best.0);
+        placed.push(candidates(part).find(is_free).or_else(|| candidates(part).next()).unwrap_or(part.center));
     }
     placed
 }
 
-/// Places of a label around its disc with their distance in label heights, the nearest first, from below on.
-fn candidates(part: &LabelledDisc) -> impl Iterator<Item = (LabelPlace, f64)> {
+/// Middles of a label around its disc, the nearest first, from below on.
+fn candidates(part: &LabelledDisc) -> impl Iterator<Item = [f64; 2]> {
     let LabelledDisc { center: [x, y], radius, half: [w, h] } = *part;
     STEPS.into_iter().flat_map(move |steps| {
         (0..DIRECTIONS).map(move |direction| {
             let (sin, cos) = (FRAC_PI_2 + TAU * direction as f64 / DIRECTIONS as f64).sin_cos();
             let reach = touching(radius * 1.1, [w, h], [cos, sin]) + steps * 2.0 * h;
-            (LabelPlace { center: [x + reach * cos, y + reach * sin] }, steps)
+            [x + reach * cos, y + reach * sin]
         })
     })
 }
@@ -99,8 +65,8 @@ fn on_disc([x, y]: [f64; 2], [w, h]: [f64; 2], disc: &LabelledDisc) -> f64 {
 }
 
 /// Depth to which two labels cover each other.
-fn on_label(a: &LabelPlace, of_a: &LabelledDisc, b: &LabelPlace, of_b: &LabelledDisc) -> f64 {
-    let depth = |axis: usize| of_a.half[axis] + of_b.half[axis] - (a.center[axis] - b.center[axis]).abs();
+fn on_label(a: [f64; 2], of_a: &LabelledDisc, b: [f64; 2], of_b: &LabelledDisc) -> f64 {
+    let depth = |axis: usize| of_a.half[axis] + of_b.half[axis] - (a[axis] - b[axis]).abs();
     depth(0).min(depth(1)).max(0.0)
 }
 
@@ -148,12 +114,12 @@ mod tests {
             prop_assert_eq!(placed.len(), parts.len());
             for (i, place) in placed.iter().enumerate() {
                 for part in &parts {
-                    prop_assert!(on_disc(place.center, parts[i].half, part) < 1e-6, "{i}: {place:?} on {part:?}");
+                    prop_assert!(on_disc(*place, parts[i].half, part) < 1e-6, "{i}: {place:?} on {part:?}");
                 }
                 for (j, other) in placed.iter().enumerate().take(i) {
-                    prop_assert!(on_label(place, &parts[i], other, &parts[j]) < 1e-6, "{i} on {j}: {place:?} {other:?}");
+                    prop_assert!(on_label(*place, &parts[i], *other, &parts[j]) < 1e-6, "{i} on {j}: {place:?} {other:?}");
                 }
-                prop_assert!(outside(place.center, parts[i].half, BOUNDS) < 1e-9);
+                prop_assert!(outside(*place, parts[i].half, BOUNDS) < 1e-9);
             }
         }
     }
@@ -161,7 +127,7 @@ mod tests {
     #[test]
     fn lone_label_is_placed_right_below_its_disc() {
         let [place] = place_labels(&[penny([10.0, 20.0])], BOUNDS)[..] else { panic!("one label") };
-        assert!((place.center[0] - 10.0).abs() < 1e-9, "{place:?}");
-        assert!((place.center[1] - (20.0 + 1.1 * 9.5 + 10.0)).abs() < 1e-3, "{place:?}");
+        assert!((place[0] - 10.0).abs() < 1e-9, "{place:?}");
+        assert!((place[1] - (20.0 + 1.1 * 9.5 + 10.0)).abs() < 1e-3, "{place:?}");
     }
 }

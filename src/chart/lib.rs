@@ -8,7 +8,7 @@ mod svg;
 use labels::{LabelledDisc, place_labels};
 pub use palette::{Ground, Palette};
 
-pub use svg::{svg, svg_page};
+pub use svg::svg;
 
 /// A chart: layers over a pair of axes.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,29 +78,19 @@ pub struct Axis {
     pub label: String,
     /// Range, from and to; `None` to fit the layers.
     pub range: Option<[f64; 2]>,
-    /// Whether equal distances are equal differences or equal ratios.
-    pub scale: AxisScale,
-}
-
-/// Meaning of equal distances along an axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum AxisScale {
-    /// Equal distances are equal differences.
-    #[default]
-    Linear,
-    /// Equal distances are equal ratios. Values that are not positive are left out.
-    Log,
+    /// True where equal distances are equal ratios and values that are not positive are left out.
+    pub is_log: bool,
 }
 
 impl Axis {
     /// An axis that fits the layers.
     pub fn new(label: &str) -> Self {
-        Self { label: label.to_owned(), range: None, scale: AxisScale::Linear }
+        Self { label: label.to_owned(), range: None, is_log: false }
     }
 
     /// A logarithmic axis that fits the layers; values that are not positive are left out.
     pub fn log(label: &str) -> Self {
-        Self { scale: AxisScale::Log, ..Self::new(label) }
+        Self { is_log: true, ..Self::new(label) }
     }
 }
 

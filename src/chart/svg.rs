@@ -48,26 +48,15 @@ pub fn svg(chart: &Chart) -> String {
     )
 }
 
-/// All charts below each other in one SVG document.
-pub fn svg_page(charts: &[Chart]) -> String {
-    let (mut page, mut height_px) = (String::new(), 0.0);
-    for chart in charts {
-        page += &svg(chart).replacen("<svg ", &format!("<svg y=\"{height_px}\" "), 1);
-        height_px += ChartLayout::of(&chart.in_decades()).height_px();
-    }
-    let open = format!("<svg width=\"{WIDTH_PX}\" height=\"{height_px}\" xmlns=\"http://www.w3.org/2000/svg\">\n");
-    open + &page + "</svg>\n"
-}
-
 /// Layout of the picture.
-struct ChartLayout {
+struct ChartLayout<'a> {
     title: Vec<String>,
     frame: PlotFrame,
-    legend: Legend,
+    legend: Legend<'a>,
 }
 
-impl ChartLayout {
-    fn of(chart: &Chart) -> Self {
+impl<'a> ChartLayout<'a> {
+    fn of(chart: &'a Chart) -> Self {
         let mut x = range::shown(&chart.x, &chart.layers, 0);
         let mut y = range::shown(&chart.y, &chart.layers, 1);
         if chart.map {
@@ -116,14 +105,14 @@ impl ChartLayout {
             let [at, _] = frame.px([value, frame.y[0]]);
             grid += &format!("M{at:.1} {bottom:.1}V{top:.1}");
             axes += &format!("M{at:.1} {bottom:.1}v{TICK_LENGTH_PX}");
-            let number = decades::tick_text(x.scale, value);
+            let number = decades::tick_text(x.is_log, value);
             texts += &text([at, bottom + NUMBER_PX + 0.5 * TICK_PX], TICK_PX, "middle", "", &number);
         }
         for value in ticks(frame.y) {
             let [_, at] = frame.px([frame.x[0], value]);
             grid += &format!("M{left:.1} {at:.1}H{right:.1}");
             axes += &format!("M{left:.1} {at:.1}h-{TICK_LENGTH_PX}");
-            texts += &text([left - NUMBER_PX, at], TICK_PX, "end", "", &decades::tick_text(y.scale, value));
+            texts += &text([left - NUMBER_PX, at], TICK_PX, "end", "", &decades::tick_text(y.is_log, value));
         }
         let [across, down] = [left + 0.5 * width, top + 0.5 * height];
         let beside = MARGIN_PX + 0.5 * LABEL_PX;

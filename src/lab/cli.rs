@@ -16,10 +16,11 @@ use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
-use super::experiment::{EXPERIMENTS, Experiment, Kind, Request, VISION, WAVEFORM_FIT, experiment};
+use super::experiment::{EXPERIMENTS, Experiment, Kind, Request, VISION, WAVEFORM_FIT};
 use super::outcome::{ExperimentResult, Figure};
 use super::recorded::waveform_fit_of;
-use super::settings::SettingInfo;
+use super::settings::{SettingInfo, assignment};
+use super::sweep::Sweep;
 use super::table::{columns, table};
 use super::vision::vision_of;
 use super::{LabFault, LabRig};
@@ -69,12 +70,10 @@ fn run(cli: &Cli) -> Result<String, Failure> {
         None => Ok(list(cli.json)),
         Some(ALL) => all(cli),
         Some(name) if args.settings => list_settings(named(name)?, args, cli.json),
-        Some(name) => make(name, cli).map(|made| if cli.json { pretty(&made.as_json()) } else { made.as_text() }),
+        Some(name) => {
+            make(name, cli).map(|made| if cli.json { format!("{:#}", made.as_json()) } else { made.as_text() })
+        }
     }
-}
-
-fn pretty(value: &Value) -> String {
-    format!("{value:#}")
 }
 
 /// Runs every experiment: one JSON document with figures and curves of all, or a table of each.
@@ -86,7 +85,6 @@ fn all(cli: &Cli) -> Result<String, Failure> {
         ("--settings", args.settings),
         ("--scenes", args.scenes.is_some()),
         ("--trace", args.trace.is_some()),
-        ("--plot", args.plot.is_some()),
     ];
     if let Some((option, _)) = given.iter().find(|(_, is_given)| *is_given) {
         return Err(Failure::bad_input(format!("{option}: expected the name of one experiment, found {ALL:?}")));
@@ -100,14 +98,21 @@ fn all(cli: &Cli) -> Result<String, Failure> {
             print(made.as_text())?;
         }
     }
-    Ok(if cli.json { pretty(&json!({ "seed": args.seed, "experiments": rows })) } else { String::new() })
+    Ok(if cli.json { format!("{:#}", json!({ "seed": args.seed, "experiments": rows })) } else { String::new() })
 }
 
 /// Runs an experiment, or evaluates a recorded trace, and writes its plots.
 fn make(name: &str, cli: &Cli) -> Result<ExperimentOutput, Failure> {
     let args = &cli.experiment;
+    for (option, is_given, of) in
+        [("--trace", args.trace.is_some(), WAVEFORM_FIT), ("--scenes", args.scenes.is_some(), VISION)]
+    {
+        if is_given && named(name)?.name != of {
+            return Err(Failure::bad_input(format!("{option}: expected the experiment {of}, found {name:?}")));
+        }
+    }
     let (on, outcome) = match &args.trace {
-        Some(trace) => (trace.display().to_string(), read_trace(name, trace)?),
+        Some(trace) => (trace.display().to_string(), read_trace(trace)?),
         None => measure(name, cli)?,
     };
     let written = write_files(name, &outcome, args)?;
@@ -152,7 +157,7 @@ impl ExperimentOutput {
 fn list(json: bool) -> String {
     if json {
         let rows = EXPERIMENTS.iter().map(|one| json!({ "experiment": one.name, "about": one.about }));
-        return pretty(&rows.collect());
+        return format!("{:#}", rows.collect::<Value>());
     }
     let names = EXPERIMENTS.iter().map(|one| (one.name, one.about)).chain([(ALL, "all of these")]);
     aligned(names.map(|(name, about)| (name, about.to_owned())).collect())
@@ -165,7 +170,7 @@ fn aligned(rows: Vec<(&str, String)>) -> String {
 }
 
 fn named(name: &str) -> Result<&'static Experiment, Failure> {
-    experiment(name).ok_or_else(|| {
+    EXPERIMENTS.iter().find(|experiment| experiment.name == name).ok_or_else(|| {
         let names = EXPERIMENTS.iter().map(|one| one.name).chain([ALL]).collect::<Vec<_>>();
         Failure::bad_input(format!("expected {}, found {name:?}", one_of(name, &names)))
     })
@@ -175,7 +180,7 @@ fn list_settings(experiment: &Experiment, args: &ExperimentArgs, json: bool) -> 
     let settings = experiment.method.settings(&rig_for(experiment, args)?);
     if json {
         let row = |SettingInfo { key, about, usual, range }: &SettingInfo| json!({ "key": key, "about": about, "usual": usual, "range": range });
-        return Ok(pretty(&settings.iter().map(row).collect()));
+        return Ok(format!("{:#}", settings.iter().map(row).collect::<Value>()));
     }
     let row = |SettingInfo { key, about, usual, range: [least, most] }: &SettingInfo| {
         (*key, format!("{about} ({least} to {most}); usually {}", rounded(*usual)))
@@ -198,14 +203,17 @@ fn rig_for(experiment: &Experiment, args: &ExperimentArgs) -> Result<LabRig, Fai
         None if experiment.kind == Kind::StrongPlate => RigSpec::upm_2(),
         None => RigSpec::upm_1(),
     };
-    lab_rig(&rig.map_err(Failure::of_files)?, args.seed)
+    let RigSpec { model, sim, kinds, .. } = rig.map_err(Failure::of_files)?;
+    let penny = kinds.iter().find(|spec| spec.kind.name == "penny");
+    let penny = penny.ok_or_else(|| Failure::failed(format!("rig {} has no kind `penny`", model.name)))?.part();
+    Ok(LabRig { model, sim, penny, seed: args.seed })
 }
 
 /// Request for the experiment according to the command line.
 fn request(args: &ExperimentArgs) -> Result<Request, Failure> {
     let wrong = |option: &str, error: String| Failure::bad_input(format!("{option}: {error}"));
-    let assignments = args.set.iter().map(|text| text.parse().map_err(|error| wrong("--set", error)));
-    let sweep = args.sweep.as_ref().map(|text| text.parse().map_err(|error| wrong("--sweep", error)));
+    let assignments = args.set.iter().map(|text| assignment(text).map_err(|error| wrong("--set", error)));
+    let sweep = args.sweep.as_ref().map(|text| Sweep::parse(text).map_err(|error| wrong("--sweep", error)));
     Ok(Request { assignments: assignments.collect::<Result<_, _>>()?, sweep: sweep.transpose()? })
 }
 
@@ -213,9 +221,6 @@ fn request(args: &ExperimentArgs) -> Result<Request, Failure> {
 fn measure(name: &str, cli: &Cli) -> Result<(String, ExperimentResult), Failure> {
     let args = &cli.experiment;
     let (experiment, request) = (named(name)?, request(args)?);
-    if args.scenes.is_some() && name != VISION {
-        return Err(Failure::bad_input(format!("--scenes: expected the experiment {VISION}, found {name:?}")));
-    }
     let rig = rig_for(experiment, args)?;
     let outcome = with_progress(cli.quiet, experiment.about, |show| match args.scenes {
         Some(scenes) => Ok(vision_of(rig.seed, scenes as usize, show)),
@@ -245,17 +250,8 @@ fn with_progress<T>(quiet: bool, about: &str, work: impl FnOnce(&(dyn Fn(f64) + 
     made
 }
 
-fn lab_rig(spec: &RigSpec, seed: u64) -> Result<LabRig, Failure> {
-    let penny = spec.kind("penny").and_then(|kind| spec.kinds.get(kind));
-    let penny = penny.ok_or_else(|| Failure::failed(format!("rig {} has no kind `penny`", spec.model.name)))?.part();
-    Ok(LabRig { model: spec.model.clone(), sim: spec.sim.clone(), penny, seed })
-}
-
 /// Result of an experiment on the trace file at `path`.
-fn read_trace(name: &str, path: &Path) -> Result<ExperimentResult, Failure> {
-    if name != WAVEFORM_FIT {
-        return Err(Failure::bad_input(format!("--trace: expected the experiment {WAVEFORM_FIT}, found {name:?}")));
-    }
+fn read_trace(path: &Path) -> Result<ExperimentResult, Failure> {
     let pulse = load_trace(path).map_err(Failure::of_files)?;
     waveform_fit_of(&pulse).map_err(|fault| Failure::failed(format!("{}: {fault}", path.display())))
 }
@@ -269,9 +265,6 @@ fn write_files(name: &str, outcome: &ExperimentResult, args: &ExperimentArgs) ->
     // a trace that was read from a file is not written again
     if let Some(pulse) = outcome.recorded.as_ref().filter(|_| args.trace.is_none()) {
         files.push((args.out.join(format!("{name}-trace.json")), trace_to_json(pulse)));
-    }
-    if let Some(path) = &args.plot {
-        files.push((path.clone(), upm_chart::svg_page(&outcome.charts)));
     }
     for (path, text) in &files {
         fs::write(path, text).map_err(|error| Failure::write(path, error))?;

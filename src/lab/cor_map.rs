@@ -1,11 +1,10 @@
 use super::numerics::rms;
-use super::pulses::mm;
+use super::pulses::envelope;
 use super::shaken::{BarePlate, steady_motion};
 use super::sweep::{Progress, parallel};
+use super::texts::figures;
 use super::{ExperimentResult, Figure, LabFault, LabRig};
-use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::{Twist, Vec2};
-use upm_core::signal::Envelope;
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::nearest_pump;
 use upm_planning::cor_library::Entry;
@@ -24,11 +23,11 @@ struct ReadCenter {
 ///
 /// # Errors
 ///
-/// [`LabFault::Rig`] when calibration refuses the rig, [`LabFault::Trace`] when it cannot read a trace.
+/// [`LabFault::Rig`] when calibration refuses the rig.
 pub fn cor_map(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let mut plate = BarePlate::new(lab);
     let (axes, entries) = plate.steer()?;
-    let envelope = Envelope { attack_s: lab.model.attack_s, sustain_s: 0.1, rest_s: 0.0 };
+    let envelope = envelope(lab, 0.1);
     let arm_m = lab.model.accelerometer_in_plate_m.norm();
     let read = |entry: &Entry| {
         let drive = lab.drive_around(lab.model.motor_arrangement.turned(entry.amplitudes), &axes.shapes, envelope);
@@ -36,8 +35,7 @@ pub fn cor_map(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult,
     };
     let read: Vec<ReadCenter> = parallel(&entries, progress, read);
     let half_side_m = 0.5 * lab.model.plate_side_m;
-    let charts = vec![chart(&read, half_side_m)];
-    Ok(ExperimentResult { figures: figures(&read, half_side_m), charts, ..ExperimentResult::default() })
+    Ok(ExperimentResult { figures: figures_of(&read, half_side_m).into(), ..ExperimentResult::default() })
 }
 
 /// Measured and true centres, where both are nearer than [`FARTHEST`].
@@ -48,8 +46,7 @@ fn centers(read: &[ReadCenter], half_side_m: f64) -> impl Iterator<Item = (Vec2,
     })
 }
 
-fn figures(read: &[ReadCenter], half_side_m: f64) -> Vec<Figure> {
-    const TRUTH: &str = "against the simulated plate's true motion";
+fn figures_of(read: &[ReadCenter], half_side_m: f64) -> [Figure; 9] {
     let (inside, outside): (Vec<_>, Vec<_>) =
         centers(read, half_side_m).partition(|(_, truth)| truth.amax() <= half_side_m);
     let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
@@ -62,17 +59,17 @@ fn figures(read: &[ReadCenter], half_side_m: f64) -> Vec<Figure> {
         motion.truth.center_of_rotation().is_none_or(|center| center.norm() >= FARTHEST * half_side_m)
     };
     let turned_deg: Vec<f64> = read.iter().filter(is_straight).map(turned_deg).collect();
-    vec![
-        Figure::alone("centres inside the plate", "1", inside.len() as f64, "counted"),
-        Figure::alone("centres outside", "1", outside.len() as f64, "counted, to ten sides"),
-        Figure::alone("translations", "1", translations as f64, "counted"),
-        Figure::alone("read-out inside, rms", "mm", rms(&misses_mm), TRUTH),
-        Figure::alone("read-out inside, worst", "mm", largest(&misses_mm), TRUTH),
-        Figure::alone("read-out outside, rms", "% of distance", rms(&shares), TRUTH),
-        Figure::alone("read-out outside, worst", "% of distance", largest(&shares), TRUTH),
-        Figure::alone("direction of translations, worst", "deg", largest(&turned_deg), TRUTH),
-        Figure::alone("wrong way round", "1", wrong as f64, "counted, Eq. 14"),
-    ]
+    figures([
+        ("centres inside the plate", inside.len() as f64),
+        ("centres outside", outside.len() as f64),
+        ("translations", translations as f64),
+        ("read-out inside, rms", rms(&misses_mm)),
+        ("read-out inside, worst", largest(&misses_mm)),
+        ("read-out outside, rms", rms(&shares)),
+        ("read-out outside, worst", largest(&shares)),
+        ("direction of translations, worst", largest(&turned_deg)),
+        ("wrong way round", wrong as f64),
+    ])
 }
 
 /// True when the measured motion would send parts backwards.
@@ -82,22 +79,6 @@ fn is_wrong_way(motion: &ReadCenter) -> bool {
     let ReadCenter { read, truth } = motion;
     let along = read.velocity_mps.dot(&truth.velocity_mps) + read.spin_radps * truth.spin_radps * REACH_M * REACH_M;
     along <= 0.0
-}
-
-fn chart(read: &[ReadCenter], half_side_m: f64) -> Chart {
-    const AROUND: f64 = 2.6;
-    /// Enlargement of the errors, which are too small to be seen at scale.
-    const ENLARGED: f64 = 20.0;
-    let near: Vec<(Vec2, Vec2)> =
-        centers(read, half_side_m).filter(|(_, truth)| truth.amax() < AROUND * half_side_m).collect();
-    let vectors = near.iter().map(|(read, truth)| mm((read - truth) * ENLARGED)).collect();
-    let title = format!("Centres of rotation of the library; misses of the read-out {ENLARGED:.0} times enlarged");
-    let layers = vec![
-        Layer::plate(mm_from_m(half_side_m)),
-        Layer::new("true centre", Mark::Dots, Color::Blue, near.iter().map(|(_, truth)| mm(*truth))),
-        Layer::new("miss", Mark::Arrows { vectors }, Color::Red, near.iter().map(|(_, truth)| mm(*truth))),
-    ];
-    Chart::plate_map("cor-map", title, Some(mm_from_m(AROUND * half_side_m)), layers)
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 mod axes;
 mod rows;
-mod vectors;
 
 use self::rows::{ROWS, ReadRow, Reads, compares_with_paper, eq_15, read_rows};
 use super::pulses::mm;
 use super::sweep::Progress;
+use super::texts::figure;
 use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
@@ -25,10 +25,8 @@ pub fn cor_steering(lab: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, L
     let mut figures = figures(lab, &found_m, &plain_m, &expected_m, unit);
     figures.extend(axes::figures(lab, &found_m)?);
     let off_m = compensated.iter().map(|read| read.vectors.off_m(read.center_m)).fold(0.0, f64::max);
-    let source = "Fig. 11; accelerations by each accelerometer alone";
-    figures.push(Figure::alone("COR off the perpendiculars, largest", "in", off_m / INCH_M, source));
-    let mut charts = vec![chart(lab, &found_m, &plain_m, &expected_m)];
-    charts.extend(ROWS.iter().zip(&compensated).map(|(row, read)| read.vectors.chart(lab, row.name, read.center_m)));
+    figures.push(figure("COR off the perpendiculars, largest", off_m / INCH_M));
+    let charts = vec![chart(lab, &found_m, &plain_m, &expected_m)];
     Ok(ExperimentResult { figures, charts, ..ExperimentResult::default() })
 }
 
@@ -53,11 +51,11 @@ fn figures(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]
         figures.push(Figure::against(name, "in", inches((pair[1] - pair[0]).norm()), inches(expected), &source));
     }
     let worst = |read: &[Vec2]| read.iter().zip(expected_m).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
-    let source = "largest distance from Eq. 15";
-    figures.push(Figure::alone("worst COR", "in", inches(worst(found_m)), source));
-    figures.push(Figure::alone("worst COR without pre-compensation", "in", inches(worst(plain_m)), source));
-    let source = "the paper's 128, less where a motor would exceed its limit";
-    figures.push(Figure::alone("amplitude unit sent", "counts", f64::from(unit), source));
+    figures.extend([
+        figure("worst COR", inches(worst(found_m))),
+        figure("worst COR without pre-compensation", inches(worst(plain_m))),
+        figure("amplitude unit sent", f64::from(unit)),
+    ]);
     figures
 }
 

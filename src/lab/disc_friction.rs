@@ -3,9 +3,10 @@
 
 use std::f64::consts::PI;
 
+use super::ExperimentResult;
 use super::numerics::complete_elliptic;
-use super::{ExperimentResult, Figure};
-use upm_chart::{Axis, Chart, Color};
+use super::texts::{chart, figure};
+use upm_chart::{Chart, Color};
 use upm_core::disc_friction::DiscFriction;
 
 /// Slip ratios compared, from 1e-4 to 1e4.
@@ -16,28 +17,21 @@ const DOTS: usize = 8;
 /// nearly equal numbers.
 const SERIES_BELOW: f64 = 0.01;
 
-const FARKAS: &str = "Farkas et al., Phys. Rev. Lett. 90, 248302 (2003)";
-
 /// Slip ratio, `[f, t]` of the table, `[f, t]` of the closed form.
-struct FrictionRow {
-    ratio: f64,
-    table: [f64; 2],
-    exact: [f64; 2],
-}
+type FrictionRow = (f64, [f64; 2], [f64; 2]);
 
 /// Adds the results of the comparison.
 pub(super) fn report(outcome: &mut ExperimentResult) {
     let rows: Vec<FrictionRow> = slip_ratios()
         .map(|ratio| (ratio, DiscFriction::shared().force_and_torque(ratio, 1.0), closed_form(ratio)))
-        .map(|(ratio, table, exact)| FrictionRow { ratio, table, exact })
         .collect();
-    for (i, name) in ["force", "torque"].into_iter().enumerate() {
+    let names = ["relative deviation of a disc's force, largest", "relative deviation of a disc's torque, largest"];
+    for (i, name) in names.into_iter().enumerate() {
         // In the total order NaN is above all numbers, so that it would show.
-        let worst = rows.iter().map(|row| (row.table[i] / row.exact[i] - 1.0).abs()).max_by(f64::total_cmp);
-        let name = format!("relative deviation of a disc's {name}, largest");
-        outcome.figures.push(Figure::against(name, "1", worst.unwrap_or(f64::NAN), 0.0, FARKAS));
+        let worst = rows.iter().map(|(_, table, exact)| (table[i] / exact[i] - 1.0).abs()).max_by(f64::total_cmp);
+        outcome.figures.push(figure(name, worst.unwrap_or(f64::NAN)));
     }
-    outcome.charts.push(chart(&rows));
+    outcome.charts.push(disc_chart(&rows));
 }
 
 /// Evenly spread over eight decades; 1, where force and torque have a kink, is inserted in the middle.
@@ -72,11 +66,10 @@ fn closed_form(e: f64) -> [f64; 2] {
     }
 }
 
-fn chart(rows: &[FrictionRow]) -> Chart {
-    let exact = |i: usize| rows.iter().map(move |row| [row.ratio, row.exact[i]]);
-    let table = |i: usize| rows.iter().step_by(DOTS).map(move |row| [row.ratio, row.table[i]]);
-    let axes = [Axis::log("slip ratio v/(R w)"), Axis::new("force over μ N, torque over μ N R")];
-    Chart::over("force-curve-disc", "Friction of a disc that slides at v and spins at w", axes)
+fn disc_chart(rows: &[FrictionRow]) -> Chart {
+    let exact = |i: usize| rows.iter().map(move |(ratio, _, exact)| [*ratio, exact[i]]);
+    let table = |i: usize| rows.iter().step_by(DOTS).map(move |(ratio, table, _)| [*ratio, table[i]]);
+    chart("force-curve-disc")
         .line("closed form", Color::Gray, exact(0))
         .line("", Color::Gray, exact(1))
         .dots("force, simulated", Color::Blue, table(0))

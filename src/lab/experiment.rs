@@ -1,6 +1,6 @@
 use std::f64::consts::TAU;
 
-use super::settings::{Field, Setting, SettingAssignment, SettingInfo, assigned, find, infos, settings};
+use super::settings::{Field, Setting, SettingInfo, assigned, find, settings};
 use super::sweep::{Progress, Sweep};
 use super::{ExperimentResult, LabFault, LabRig, feeder, mchip, rock, topple};
 
@@ -34,7 +34,7 @@ pub enum Kind {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Request {
     /// Parameters that are set: a single machine with these values is measured.
-    pub assignments: Vec<SettingAssignment>,
+    pub assignments: Vec<(String, f64)>,
     /// The swept parameter, if any.
     pub sweep: Option<Sweep>,
 }
@@ -67,7 +67,12 @@ pub struct Procedure<M: 'static> {
 
 impl<M: Clone + Send + Sync> Method for Procedure<M> {
     fn settings(&self, rig: &LabRig) -> Vec<SettingInfo> {
-        infos(self.settings, &(self.usual)(rig))
+        let mut usual = (self.usual)(rig);
+        let info = |setting: &Setting<M>| {
+            let Setting { key, about, range, .. } = *setting;
+            SettingInfo { key, about, range, usual: setting.value(&mut usual) }
+        };
+        self.settings.iter().map(info).collect()
     }
 
     fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
@@ -98,6 +103,7 @@ const RIG_SETTINGS: &[Setting<LabRig>] = settings! {
 /// Those that act on a part, and those that act on a plate without parts.
 const PART: &[Setting<LabRig>] = RIG_SETTINGS.split_at(2).0;
 const BARE: &[Setting<LabRig>] = RIG_SETTINGS.split_at(1).1;
+const NONE: &[Setting<LabRig>] = &[];
 
 /// Experiments, each by its kind, its name, its module and its settings or its machine, and its description.
 macro_rules! experiments {
@@ -109,15 +115,12 @@ macro_rules! experiments {
             reproduce: $module::reproduce,
         }
     };
-    (@ Scenes $make:ident $same:ident) => {
-        &Procedure { settings: &[], usual: LabRig::clone, measure: super::$make, reproduce: super::$same }
-    };
     (@ $plate:ident $make:ident $settings:ident) => {
         &Procedure {
             settings: $settings,
             usual: LabRig::clone,
-            measure: super::$make,
-            reproduce: super::$make,
+            measure: super::$make::$make,
+            reproduce: super::$make::$make,
         }
     };
     ($($kind:ident, $name:expr, $module:ident, $item:ident, $about:literal;)+) => {
@@ -140,7 +143,7 @@ pub const EXPERIMENTS: &[Experiment] = experiments! {
     StrongPlate, "race-track", race_track, PART, "snapshots of three coins on one rotation field";
     StrongPlate, "two-parts", two_parts, PART, "two coins, four centres of rotation: the error of one large step and of several";
     Plate, "cor-map", cor_map, BARE, "every centre of a calibrated library, as read and as it truly is";
-    Scenes, VISION, vision, vision, "vision on rendered pictures with ground truth, easy and hard";
+    Scenes, VISION, vision, NONE, "vision on rendered pictures with ground truth, easy and hard";
     Machine, "feeder", feeder, Feeder, "a plate shaken along one line: feed rate against duty and against an external force";
     Machine, "mchip", mchip, MChip, "a part on an array of resonators, impact by impact: jams, strobing, duty, sweeps (a minute)";
     Machine, "topple", topple, Topple, "a part slides against a low ledge: the speed that topples it, trials, ledges that orient a batch";
@@ -152,8 +155,3 @@ pub const WAVEFORM_FIT: &str = "waveform-fit";
 
 /// The experiment that accepts any number of scenes.
 pub const VISION: &str = "vision";
-
-/// The experiment called `name`.
-pub fn experiment(name: &str) -> Option<&'static Experiment> {
-    EXPERIMENTS.iter().find(|experiment| experiment.name == name)
-}

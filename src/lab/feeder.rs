@@ -14,8 +14,8 @@ use self::plate::PlateCycle;
 pub use self::published::reproduce;
 use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
+use super::texts::{figure, figures};
 use super::{ExperimentResult, Figure, LabFault};
-use upm_chart::{Chart, Color};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
 /// A dyne, N.
@@ -90,16 +90,19 @@ pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<ExperimentResult, Lab
         (false, true) => "Impulse paper, Eq. 7",
         (true, true) => "as Impulse paper, Eq. 7, with the force",
     };
-    let alone = Figure::alone::<&str>;
     let exact_mps = sliding.rate_mps(&plate);
-    let figures = vec![
-        alone("feed rate", "mm/s", mm_from_m(rate_mps), source).with(exact_mps.map(mm_from_m)),
-        alone("quasi-static feed rate", "mm/s", mm_from_m(quasi_static_mps(&plate)), "Impulse paper, Eq. 3 and below"),
-        alone("duty at which the part saturates", "1", saturation, "Impulse paper, Eq. 5"),
-        alone("viscosity K", "dyn s/cm", viscosity / (DYN_N / 0.01), "Impulse paper, Eq. 4"),
-        alone("largest speed of the plate", "mm/s", mm_from_m(plate.peak_mps()), "(a T/2)(d - sqrt(2 d - 1))"),
-        alone("stroke of the plate", "mm", mm_from_m(plate.stroke_m()), "(a T²/4)(1 - d)²"),
+    let rate = Figure::alone("feed rate", "mm/s", mm_from_m(rate_mps), source).with(exact_mps.map(mm_from_m));
+    let others = figures([
+        ("quasi-static feed rate", mm_from_m(quasi_static_mps(&plate))),
+        ("duty at which the part saturates", saturation),
+        ("viscosity K", viscosity / (DYN_N / 0.01)),
+    ]);
+    let peak_source = "(a T/2)(d - sqrt(2 d - 1))";
+    let ends = [
+        Figure::alone("largest speed of the plate", "mm/s", mm_from_m(plate.peak_mps()), peak_source),
+        figure("stroke of the plate", mm_from_m(plate.stroke_m())),
     ];
+    let figures = [rate].into_iter().chain(others).chain(ends).collect();
     let mut notes = Vec::new();
     if exact_mps.is_none() {
         notes.push(format!(
@@ -111,33 +114,18 @@ pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<ExperimentResult, Lab
             "K describes the rate under this force up to duty = {saturation:.4}, where the part saturates"
         ));
     }
-    let charts = vec![cycle_chart(&plate, &cycle.events)];
-    Ok(ExperimentResult { figures, notes, charts, ..ExperimentResult::default() })
-}
-
-/// Velocity of plate and part over a cycle.
-fn cycle_chart(plate: &PlateCycle, events: &[[f64; 2]]) -> Chart {
-    let ms_mm = |&[t_s, speed_mps]: &[f64; 2]| [1e3 * t_s, mm_from_m(speed_mps)];
-    let corners = plate.stretches().into_iter().scan([0.0, 0.0], |at, stretch| {
-        *at = [at[0] + stretch.length_s, at[1] + stretch.accel_mps2 * stretch.length_s];
-        Some(*at)
-    });
-    let plate: Vec<[f64; 2]> = std::iter::once([0.0, 0.0]).chain(corners).map(|at| ms_mm(&at)).collect();
-    let part: Vec<[f64; 2]> = events.iter().map(ms_mm).collect();
-    Chart::plot("feeder-cycle", "One cycle of the plate, and the part on it", ["time (ms)", "velocity (mm/s)"])
-        .line("plate", Color::Gray, plate)
-        .line("part", Color::Blue, part)
+    Ok(ExperimentResult { figures, notes, ..ExperimentResult::default() })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{SettingAssignment, assigned};
+    use crate::settings::{assigned, assignment};
     use rand::RngExt;
     use upm_core::random::Streams;
 
     fn set(text: &str) -> Result<ExperimentResult, LabFault> {
-        let assignments: Vec<SettingAssignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
+        let assignments: Vec<_> = text.split_whitespace().map(|one| assignment(one).unwrap()).collect();
         measure(&assigned(SETTINGS, &Feeder::published(), &assignments)?, &|_| ())
     }
 

@@ -7,10 +7,11 @@ use std::f64::consts::TAU;
 use nalgebra::DMatrix;
 use rand::RngExt;
 
-use super::pulses::{envelope, place, play};
+use super::pulses::{envelope, play};
 use super::sweep::Progress;
-use super::{ExperimentResult, Figure, LabFault, LabRig};
-use upm_chart::{Axis, Chart, Color};
+use super::texts::{chart, figure};
+use super::{ExperimentResult, LabFault, LabRig};
+use upm_chart::Color;
 use upm_core::geometry::{Vec2, perp};
 use upm_core::job::PlateMode;
 use upm_core::random::Streams;
@@ -51,8 +52,7 @@ pub fn field_span(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, Lab
         for &center_m in &centers_m {
             let pulse = OpenPulse::about(center_m, spin_radps, envelope);
             let played = play(rig, PlateMode::Kinematic, &parts_m, &[pulse], rig.model.base_radps / TAU)?;
-            let ends = played.parts.iter().map(|part| place(part, part.x_m.len() - 1));
-            moves.extend(ends.zip(&parts_m).map(|(end, start)| end.map_or(Vec2::zeros(), |end| end - start)));
+            moves.extend(parts_m.iter().enumerate().map(|(i, start)| played.end_m(i) - start));
         }
         Ok::<_, LabFault>(singular_values(moves))
     };
@@ -63,16 +63,13 @@ pub fn field_span(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, Lab
         ("long pulses of a slow plate", pulse(SLOW)?),
     ];
     let mut outcome = ExperimentResult::default();
-    let axes = [Axis::new("dimension"), Axis::log("singular value over the largest")];
-    let mut chart = Chart::over("field-span", "Dimensions that motions of 8 parts span", axes);
+    let mut chart = chart("field-span");
     for (i, (name, values)) in found.iter().enumerate() {
         let counted: Vec<f64> = values.iter().copied().filter(|value| *value > COUNTED).collect();
         let spanned = [Some(3.0), Some(CENTERS as f64), None, None][i];
-        let (source, rigid) = ("8 parts, 16 centres; UPM paper, section 2.1", "0 for rigid rotations");
-        outcome.figures.extend([
-            Figure::alone(format!("dimensions, {name}"), "1", counted.len() as f64, source).with(spanned),
-            Figure::alone(format!("fourth singular value over the first, {name}"), "1", values[3], rigid),
-        ]);
+        let dimensions = figure("dimensions, {}", counted.len() as f64).with(spanned);
+        let fourth = figure("fourth singular value over the first, {}", values[3]);
+        outcome.figures.extend([dimensions, fourth].map(|figure| figure.of(name)));
         let points = counted.into_iter().enumerate().map(|(k, value)| [(k + 1) as f64, value]);
         chart = chart.line(name, Color::nth(i), points);
     }

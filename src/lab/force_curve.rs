@@ -6,7 +6,8 @@ use std::f64::consts::TAU;
 
 use super::pumped::{FAINT, PUMP, PumpedLine, sliding_threshold};
 use super::sweep::Progress;
-use super::{ExperimentResult, Figure, LabFault, LabRig, coulomb_pump, disc_friction, general_wave};
+use super::texts::{chart, figure, figures};
+use super::{ExperimentResult, LabFault, LabRig, coulomb_pump, disc_friction, general_wave};
 use upm_chart::{Chart, Color};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
@@ -27,11 +28,8 @@ const BELT_STEPS: u32 = 2_000;
 /// Duration of the approach, in time constants.
 const APPROACH: f64 = 3.0;
 
-const SLOPE: &str = "1 over the largest slope of cos a - ½ cos 2a, 1.7602";
-const APPENDIX_A: &str = "UPM paper, Appendix A, Eqs. 17 and 18";
-
-/// Mean friction force against speed and the viscous approach in the limit of fast vibration, the same approach at the
-/// rig's own frequency, the acceleration at which its parts begin to slide, and the friction of a disc that spins.
+/// Mean friction force against speed and the viscous approach in the limit of fast vibration, the acceleration at which
+/// the rig's parts begin to slide, and the friction of a disc that spins.
 ///
 /// # Errors
 ///
@@ -59,18 +57,15 @@ fn report_forces(rig: &LabRig, outcome: &mut ExperimentResult) {
     let at_rest = coulomb_pump::mean_force(0.0);
     let (slower, belt) = rows.split_at(rows.len() - 1);
     let worst = slower.iter().map(|[_, force, exact]| (force / exact - 1.0).abs()).max_by(f64::total_cmp);
-    let f0 = slower.first().map(|row| {
-        let source = "closed form at rest, the paper's 0.24";
-        Figure::against("mean force on a part at rest, f0", "μ m g", row[1], row[2], source)
-    });
-    outcome.figures.extend(f0);
-    let source = format!("{APPENDIX_A}, at {} speeds below A/2", slower.len());
-    let name = "relative deviation of the mean force, largest";
-    outcome.figures.push(Figure::against(name, "1", worst.unwrap_or(f64::NAN), 0.0, &source));
     // The closed form is zero at the belt's speed: errors there are relative to f0.
     let at_belt = belt.iter().map(|[_, force, exact]| (force - exact).abs() / at_rest).fold(0.0, f64::max);
-    let source = "closed form: no force at the belt's speed";
-    outcome.figures.push(Figure::against("deviation of the mean force at A/2", "f0", at_belt, 0.0, source));
+    let [force_at_rest, others @ ..] = figures([
+        ("mean force on a part at rest, f0", rows[0][1]),
+        ("relative deviation of the mean force, largest", worst.unwrap_or(f64::NAN)),
+        ("deviation of the mean force at A/2", at_belt),
+    ]);
+    outcome.figures.push(force_at_rest.with(Some(at_rest)));
+    outcome.figures.extend(others);
     outcome.charts.push(force_chart(&rows));
 }
 
@@ -78,8 +73,7 @@ fn force_chart(rows: &[[f64; 3]]) -> Chart {
     const CURVE: u32 = 200;
     let curve = (0..=CURVE).map(|i| coulomb_pump::BELT * f64::from(i) / f64::from(CURVE));
     let belt = [[0.0, coulomb_pump::mean_force(0.0)], [coulomb_pump::BELT, 0.0]];
-    let axes = ["speed of the part over A", "mean force over μ m g"];
-    Chart::plot("force-curve", "Mean friction force of the Coulomb pump", axes)
+    chart("force-curve")
         .dashes("viscous belt (Eq. 19)", Color::Gray, belt)
         .line("closed form (Eq. 18)", Color::Blue, curve.map(|u| [u, coulomb_pump::mean_force(u)]))
         .dots("simulated", Color::Orange, rows.iter().map(|row| [row[0], row[1]]))
@@ -144,15 +138,13 @@ fn report_approach(rig: &LabRig, outcome: &mut ExperimentResult) {
     let approach = Approach::of(&line, part, rate_hz);
     let exact_rise_s = coulomb_pump::time_to(rise() * coulomb_pump::BELT) / rate_hz;
     let setting = format!("μ {friction}, A = {PEAK_G} g/w, w of {hz:.0} Hz");
-    let constant = "A/(2 f0 μ g); at μ 0.3, 60 Hz the paper has 35, its formula 36.8";
-    let initial = format!("2 f0 μ g/A in closed form; {setting}");
-    let integral = format!("closed-form force over time; {setting}");
-    outcome.figures.extend([
-        Figure::against("initial rate k2", "1/s", k2, exact_k2, &initial),
-        Figure::against("initial time constant 1/k2", "ms", 1e3 / k2, 1e3 / exact_k2, constant),
-        Figure::against("time to 1 - 1/e of A/2", "ms", 1e3 * approach.rise_s(), 1e3 * exact_rise_s, &integral),
-        Figure::against("deviation of speed against time, largest", "A/2", approach.deviation(), 0.0, &integral),
-    ]);
+    let found = [
+        figure("initial rate k2", k2).with(Some(exact_k2)),
+        figure("initial time constant 1/k2", 1e3 / k2).with(Some(1e3 / exact_k2)),
+        figure("time to 1 - 1/e of A/2", 1e3 * approach.rise_s()).with(Some(1e3 * exact_rise_s)),
+        figure("deviation of speed against time, largest", approach.deviation()),
+    ];
+    outcome.figures.extend(found.map(|figure| figure.of(&setting)));
     outcome.charts.push(approach_chart(&approach, exact_k2));
 }
 
@@ -162,26 +154,17 @@ fn approach_chart(approach: &Approach, k2: f64) -> Chart {
     let exponential: Vec<f64> = approach.t_s.iter().map(|t| approach.belt_mps * (1.0 - (-k2 * t).exp())).collect();
     let every = (approach.t_s.len() / DOTS).max(1);
     let dots = mm(&approach.speed_mps).into_iter().step_by(every);
-    Chart::plot("force-curve-approach", "A part pumped from rest", ["time (ms)", "speed (mm/s)"])
+    chart("force-curve-approach")
         .dashes("viscous belt (Eq. 20)", Color::Gray, mm(&exponential))
         .line("closed-form force, integrated", Color::Blue, mm(&approach.exact_mps))
         .dots("simulated", Color::Orange, dots)
 }
 
-/// Adds the approach at the rig's own frequency, where a part's speed changes much within a cycle and the approach
-/// differs from the limit's.
+/// Adds the acceleration of the plate from which this rig's part slides.
 fn report_rig(rig: &LabRig, outcome: &mut ExperimentResult) {
-    let (friction, base_radps, step_s) = (rig.penny.friction, rig.model.base_radps, rig.sim.step_s);
-    let threshold = sliding_threshold(rig.penny, base_radps, step_s);
-    let (name, source) = ("plate acceleration A w from which this rig's part slides", SLOPE);
-    outcome.figures.push(Figure::against(name, "μ g", threshold, 1.0 / coulomb_pump::peak_acceleration(), source));
-    let amplitude_mps = PEAK_G * GRAVITY_MPS2 / base_radps;
-    let steps = (TAU / base_radps / step_s).round().max(1.0) as u32;
-    let rate_hz = friction * GRAVITY_MPS2 / amplitude_mps;
-    let approach = Approach::of(&PumpedLine { amplitude_mps, base_radps, second: PUMP, steps }, rig.penny, rate_hz);
-    let name = "time to 1 - 1/e of A/2 at this rig's frequency and step, A = 2 g/w";
-    let source = "its speed changes within a cycle: no closed form";
-    outcome.figures.push(Figure::alone(name, "ms", 1e3 * approach.rise_s(), source));
+    let threshold = sliding_threshold(rig.penny, rig.model.base_radps, rig.sim.step_s);
+    let slides = figure("plate acceleration A w from which this rig's part slides", threshold);
+    outcome.figures.push(slides.with(Some(1.0 / coulomb_pump::peak_acceleration())));
     outcome.notes.push("figures in units of μ m g, μ g, f0, A or 1 do not depend on friction and base_hz".into());
 }
 
@@ -190,7 +173,7 @@ mod tests {
     use super::super::testing::{assert_sources_are_short, curve, lab_rig};
     use super::*;
 
-    fn figure<'a>(outcome: &'a ExperimentResult, name: &str) -> &'a Figure {
+    fn figure<'a>(outcome: &'a ExperimentResult, name: &str) -> &'a crate::Figure {
         outcome.figures.iter().find(|figure| figure.name == name).unwrap()
     }
 

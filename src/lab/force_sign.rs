@@ -8,7 +8,7 @@ use super::sweep::{Progress, parallel};
 use super::{LabFault, LabRig};
 use upm_core::random::{Rng, Streams};
 use upm_core::signal::{Drive, Envelope, Harmonic};
-use upm_perception::estimation::{AccelerometerPair, Coefficients, fit_twist, force_sign};
+use upm_perception::estimation::{AccelerometerPair, Coefficients, force_sign};
 
 /// Half width of the null, in the sine of the phase, within which either sign is correct.
 const NULL: f64 = 0.0175;
@@ -34,9 +34,7 @@ pub(super) fn wrong_signs(lab: &LabRig, count: usize, progress: Progress<'_>) ->
         let mut plate = BarePlate::new(lab);
         let mut wrong = 0;
         for (drive, truth) in *share {
-            let trace = plate.play(drive)?;
-            let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, &sensors)
-                .map_err(|fault| LabFault::Trace { what: "random drive".into(), fault })?;
+            let fit = plate.read("random drive", drive, &sensors)?;
             wrong += usize::from(force_sign(&fit.accel_mps2[0]) != *truth);
         }
         Ok::<_, LabFault>(wrong)
@@ -49,8 +47,8 @@ fn random_drive(lab: &LabRig, rng: &mut Rng) -> Drive {
     let wave = [draw(), draw()];
     let effort = rng.random_range(0.3..0.95) * lab.model.count_limit;
     let unit = along_x(lab, &wave);
-    let scale = effort / unit.peak_counts();
-    along_x(lab, &wave.map(|h| Harmonic { cos: h.cos * scale, sin: h.sin * scale }))
+    let peak_counts = unit.peak_counts();
+    unit.scaled(effort / peak_counts)
 }
 
 fn along_x(lab: &LabRig, wave: &[Harmonic; 2]) -> Drive {

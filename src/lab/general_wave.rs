@@ -5,8 +5,9 @@ use std::f64::consts::TAU;
 
 use super::numerics::bisect;
 use super::pumped::{FAINT, PumpedLine};
-use super::{ExperimentResult, Figure, LabRig};
-use upm_chart::{Chart, Color};
+use super::texts::{chart, figure};
+use super::{ExperimentResult, LabRig};
+use upm_chart::Color;
 use upm_sim::PartParams;
 
 /// Shares b of the second harmonic.
@@ -24,8 +25,7 @@ const CURVE: u32 = 180;
 pub(super) fn report(rig: &LabRig, outcome: &mut ExperimentResult) {
     let part = PartParams { friction: FAINT, ..rig.penny };
     let phase_rad = |i: u32, count: u32| TAU * f64::from(i) / f64::from(count);
-    let axes = ["phase φ of the second harmonic (deg)", "speed over that of the first harmonic"];
-    let mut chart = Chart::plot("general-wave", "Speed of a part in equilibrium (Eq. 28); dots are simulated", axes);
+    let mut chart = chart("general-wave");
     let mut worst = 0.0f64;
     for (n, share) in SHARES.into_iter().enumerate() {
         let found: Vec<[f64; 2]> = (0..=PHASES)
@@ -39,8 +39,7 @@ pub(super) fn report(rig: &LabRig, outcome: &mut ExperimentResult) {
         let curve = (0..=CURVE).map(|i| phase_rad(i, CURVE)).map(|at_rad| [at_rad.to_degrees(), share * at_rad.sin()]);
         chart = chart.line(&format!("b = {share}: b sin φ"), Color::nth(n), curve).dots("", Color::nth(n), found);
     }
-    let name = "deviation of the general wave's equilibrium speed, largest";
-    outcome.figures.push(Figure::against(name, "A", worst, 0.0, "UPM paper, Eq. 28; three b, 13 phases"));
+    outcome.figures.push(figure("deviation of the general wave's equilibrium speed, largest", worst));
     outcome.charts.push(chart);
 }
 

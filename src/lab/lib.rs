@@ -29,6 +29,7 @@ mod sweep;
 mod table;
 #[cfg(test)]
 mod testing;
+mod texts;
 mod topple;
 mod two_parts;
 mod vision;
@@ -36,16 +37,7 @@ mod waveform_fit;
 
 pub use cli::main;
 
-use cor_map::cor_map;
-use cor_steering::cor_steering;
-use field_span::field_span;
-use force_curve::force_curve;
 use outcome::{DataSheet, ExperimentResult, Figure};
-use pulse_law::pulse_law;
-use race_track::race_track;
-use two_parts::two_parts;
-use vision::vision;
-use waveform_fit::waveform_fit;
 
 use upm_core::rig::RigModel;
 use upm_core::signal::{Drive, Envelope};
@@ -84,18 +76,10 @@ impl LabRig {
 /// Reasons why an experiment gives no result.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LabFault {
-    /// This rig cannot carry out the experiment.
+    /// This rig cannot carry out the experiment, or its trace cannot be read.
     #[error("{0}")]
     Rig(String),
     /// A parameter that is not allowed, or for which the model does not hold.
     #[error("{0}")]
     Setting(String),
-    /// A trace could not be read.
-    #[error("{what}: {fault}")]
-    Trace {
-        /// Name of the pulse.
-        what: String,
-        /// Fault of the trace.
-        fault: upm_perception::estimation::FitFault,
-    },
 }

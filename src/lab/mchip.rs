@@ -4,7 +4,6 @@
 mod batch;
 mod belt;
 mod bounce;
-mod claim;
 mod contact;
 mod device;
 mod drive;
@@ -21,11 +20,12 @@ use self::device::Device;
 use self::drive::ResonatorDrive;
 use self::measures::{arrivals, samples_from, spectrum};
 pub use self::published::reproduce;
-use self::run::{Run, Setup};
+use self::run::Run;
 use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
+use super::texts::{chart, figures};
 use super::{ExperimentResult, Figure, LabFault};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -39,36 +39,34 @@ const DRAWN_HZ: f64 = 6_000.0;
 const DRAWN: usize = 4_000;
 
 /// An array, its drive, its part, and the number and length of the runs.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MChip {
-    setup: Setup,
-    force_n: f64,
-    time_s: f64,
+    job: BatchJob,
     starts: u32,
     seed: u32,
 }
 
 /// Parameters of the array and its part.
 pub const SETTINGS: &[Setting<MChip>] = settings! {
-    "duty", [0.1, 0.9], 1.0, setup.drive.duty, "share of a cycle in which the torque is on";
-    "strobe", [0.0, 1.0], count, setup.drive.strobe, "1: rows are off in turn, the wave of them running against the feed; 0: every row alike";
-    "lambda", [2.0, 8.0], count, setup.drive.spacing, "rows from one that is off to the next";
-    "gamma", [1.0, 10_000.0], count, setup.drive.cycles, "cycles for which a row is off";
-    "row_delay", [0.0, 1.0], 1.0, setup.drive.row_delay, "delay of a row against the one before it, in cycles";
-    "mass_ug", [10.0, 1_000.0], 1e-9, setup.part.mass_kg, "mass of the part; a lighter one is thrown higher than the array is long";
-    "ridge_um", [-140.0, -20.0], 1e-6, setup.device.ridge_place_m, "place of the ridge from the axis, negative on the trailing side";
-    "ridge_height_um", [2.0, 50.0], 1e-6, setup.device.ridge_height_m, "height of the ridge above its slab";
-    "rim_um", [0.1, 2.0], 1e-6, setup.device.rim_radius_m, "radius of the ridge's rim";
-    "drive_hz", [200.0, 20_000.0], 1.0, setup.device.drive_hz, "frequency of the torque";
-    "peak_rad", [0.005, 0.2], 1.0, setup.device.peak_rad, "largest angle of a free resonator at 50 % duty";
-    "natural_hz", [500.0, 50_000.0], 1.0, setup.device.natural_hz, "undamped natural frequency of a resonator";
-    "damping", [0.05, 3.0], 1.0, setup.device.damping_ratio, "damping of a resonator over critical damping";
-    "solidity", [0.1, 1.0], 1.0, setup.device.solidity, "mass of a slab over that of solid silicon";
-    "friction", [0.0, 2.0], 1.0, setup.device.friction, "Coulomb friction of an impact";
-    "restitution", [0.0, 0.95], 1.0, setup.device.restitution, "restitution of an impact";
-    "force_dyn", [-1.0, 1.0], DYN_N, force_n, "force on the part along the feed";
-    "step_us", [0.1, 2.0], 1e-6, setup.step_s, "step of the simulation";
-    "time_s", [0.1, 20.0], 1.0, time_s, "length of a run";
+    "duty", [0.1, 0.9], 1.0, job.setup.drive.duty, "share of a cycle in which the torque is on";
+    "strobe", [0.0, 1.0], count, job.setup.drive.strobe, "1: rows are off in turn, the wave of them running against the feed; 0: every row alike";
+    "lambda", [2.0, 8.0], count, job.setup.drive.spacing, "rows from one that is off to the next";
+    "gamma", [1.0, 10_000.0], count, job.setup.drive.cycles, "cycles for which a row is off";
+    "row_delay", [0.0, 1.0], 1.0, job.setup.drive.row_delay, "delay of a row against the one before it, in cycles";
+    "mass_ug", [10.0, 1_000.0], 1e-9, job.setup.part.mass_kg, "mass of the part; a lighter one is thrown higher than the array is long";
+    "ridge_um", [-140.0, -20.0], 1e-6, job.setup.device.ridge_place_m, "place of the ridge from the axis, negative on the trailing side";
+    "ridge_height_um", [2.0, 50.0], 1e-6, job.setup.device.ridge_height_m, "height of the ridge above its slab";
+    "rim_um", [0.1, 2.0], 1e-6, job.setup.device.rim_radius_m, "radius of the ridge's rim";
+    "drive_hz", [200.0, 20_000.0], 1.0, job.setup.device.drive_hz, "frequency of the torque";
+    "peak_rad", [0.005, 0.2], 1.0, job.setup.device.peak_rad, "largest angle of a free resonator at 50 % duty";
+    "natural_hz", [500.0, 50_000.0], 1.0, job.setup.device.natural_hz, "undamped natural frequency of a resonator";
+    "damping", [0.05, 3.0], 1.0, job.setup.device.damping_ratio, "damping of a resonator over critical damping";
+    "solidity", [0.1, 1.0], 1.0, job.setup.device.solidity, "mass of a slab over that of solid silicon";
+    "friction", [0.0, 2.0], 1.0, job.setup.device.friction, "Coulomb friction of an impact";
+    "restitution", [0.0, 0.95], 1.0, job.setup.device.restitution, "restitution of an impact";
+    "force_dyn", [-1.0, 1.0], DYN_N, job.force_n, "force on the part along the feed";
+    "step_us", [0.1, 2.0], 1e-6, job.setup.step_s, "step of the simulation";
+    "time_s", [0.1, 20.0], 1.0, job.until_s, "length of a run";
     "starts", [1.0, 1_000.0], count, starts, "runs from different starts";
     "seed", [0.0, 1e9], count, seed, "seed of the starts";
 };
@@ -76,12 +74,12 @@ pub const SETTINGS: &[Setting<MChip>] = settings! {
 impl MChip {
     /// The paper's array and part, with every row driven alike.
     pub fn published() -> Self {
-        Self { setup: Setup::published(ResonatorDrive::plain()), force_n: 0.0, time_s: 0.2, starts: 4, seed: 1 }
+        Self { job: BatchJob::published(ResonatorDrive::plain(), 0.2), starts: 4, seed: 1 }
     }
 
     /// Rejects an array whose ridge has no room for its rim, or whose rim is higher than the ridge.
     fn check(&self) -> Result<(), LabFault> {
-        let &Device { ridge_height_m, rim_radius_m, .. } = &self.setup.device;
+        let &Device { ridge_height_m, rim_radius_m, .. } = &self.job.setup.device;
         if rim_radius_m > 0.5 * ridge_height_m {
             return Err(LabFault::Setting(format!(
                 "rim_um: expected at most {:.3} (half of the ridge's height), found {}",
@@ -99,44 +97,38 @@ impl MChip {
 /// A rim that does not fit its ridge.
 pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     chip.check()?;
-    let (setup, streams) = (&chip.setup, Streams::new(chip.seed.into()));
+    let &MChip { job, starts, seed } = chip;
+    let streams = Streams::new(seed.into());
     let mut batch = Batch::default();
-    batch.add_pushed("", setup, chip.starts.into(), chip.time_s, chip.force_n);
+    batch.add("", starts.into(), job);
     let summaries = batch.summaries(&streams, &|share| progress(0.9 * share));
-    let job = BatchJob { setup: setup.clone(), start: 0, until_s: chip.time_s, force_n: chip.force_n };
     let (run, summaries) = (job.run(&streams), summaries.of(""));
-    let mut notes = Vec::new();
     let left = summaries.iter().filter(|summary| !summary.stays).count();
-    if left > 0 {
-        notes.push(format!("the part left the array in {left} of {} runs, which end there", summaries.len()));
-    }
+    let note = || format!("the part left the array in {left} of {} runs, which end there", summaries.len());
+    let notes = (left > 0).then(note).into_iter().collect();
+    let charts =
+        vec![track_chart("mchip-track", &[("feed", &run)]), gap_chart("mchip-collisions", &run), spectrum_chart(&run)];
     progress(1.0);
-    Ok(ExperimentResult { figures: figures(summaries), notes, charts: charts(&run), ..ExperimentResult::default() })
+    Ok(ExperimentResult { figures: figures_of(summaries).into(), notes, charts, ..ExperimentResult::default() })
 }
 
-fn figures(summaries: &[Summary]) -> Vec<Figure> {
-    let source = format!("mean of {} starts, from 0.05 s on", summaries.len());
-    let alone = |name: &str, unit: &str, value: f64| Figure::alone(name, unit, value, &source);
+fn figures_of(summaries: &[Summary]) -> [Figure; 12] {
     let angular = |i: usize| mean(summaries, |summary| summary.energies.each[i].mean);
-    vec![
-        alone("feed rate", "mm/s", mm_from_m(mean(summaries, |summary| summary.rate_mps))),
-        alone("feed rate while it moves", "mm/s", mm_from_m(mean(summaries, |summary| summary.feed.moving_mps))),
-        alone("starts that jam", "1", jams(summaries, JAM_S)),
-        alone("longest stall", "ms", 1e3 * mean(summaries, |summary| summary.feed.longest_stall_s)),
-        alone("double bounces, of all contacts", "1", mean(summaries, |summary| summary.clusters[0].share)),
-        alone("time since the contact before, double bounces", "ms", 1e3 * of_cluster(summaries, 0, |of| of.gap_s)),
-        alone("contacts once a cycle, of all", "1", mean(summaries, |summary| summary.clusters[2].share)),
-        alone("angle of a resonator at a contact", "rad", mean(summaries, |summary| summary.angle_rad)),
-        alone("its angular speed", "rad/s", mean(summaries, |summary| summary.speed_radps)),
-        alone("energy of roll over that of pitch (AngX over AngY)", "1", angular(3) / angular(4)),
-        alone("height of the part above rest", "µm", 1e6 * mean(summaries, |summary| summary.height_m.mean)),
-        alone("strongest line of the height", "Hz", mean(summaries, |summary| summary.bounce_line[0])),
-    ]
-}
-
-/// Charts of the track, the collisions and the spectrum of one run.
-fn charts(run: &Run) -> Vec<Chart> {
-    vec![track_chart("mchip-track", &[("feed", run)]), gap_chart("mchip-collisions", run), spectrum_chart(run)]
+    figures([
+        ("feed rate", mm_from_m(mean(summaries, |summary| summary.rate_mps))),
+        ("feed rate while it moves", mm_from_m(mean(summaries, |summary| summary.feed.moving_mps))),
+        ("starts that jam", jams(summaries, JAM_S)),
+        ("longest stall", 1e3 * mean(summaries, |summary| summary.feed.longest_stall_s)),
+        ("double bounces, of all contacts", mean(summaries, |summary| summary.clusters[0].share)),
+        ("time since the contact before, double bounces", 1e3 * of_cluster(summaries, 0, |of| of.gap_s)),
+        ("contacts once a cycle, of all", mean(summaries, |summary| summary.clusters[2].share)),
+        ("angle of a resonator at a contact", mean(summaries, |summary| summary.angle_rad)),
+        ("its angular speed", mean(summaries, |summary| summary.speed_radps)),
+        ("energy of roll over that of pitch (AngX over AngY)", angular(3) / angular(4)),
+        ("height of the part above rest", 1e6 * mean(summaries, |summary| summary.height_m.mean)),
+        ("strongest line of the height", mean(summaries, |summary| summary.bounce_line[0])),
+    ])
+    .map(|figure| figure.of(&summaries.len().to_string()))
 }
 
 /// Displacement of the part over time.
@@ -148,8 +140,7 @@ fn track_chart(name: &str, runs: &[(&str, &Run)]) -> Chart {
         let track = samples.map(|sample| [sample.at_s, mm_from_m(sample.state.center_m.x - start_m)]);
         Layer::new(label, Mark::Line, Color::nth(i), track)
     };
-    Chart::plot(name, "Way of the part along the feed", ["time (s)", "way (mm)"])
-        .with(runs.iter().enumerate().map(layer))
+    chart(name).with(runs.iter().enumerate().map(layer))
 }
 
 /// Angle of the resonator over the time since the previous contact, contacts that push forwards and backwards
@@ -160,28 +151,25 @@ fn gap_chart(name: &str, run: &Run) -> Chart {
         let those = found.iter().filter(move |one| (one.forward_ns < 0.0) == backward && one.gap_s < 0.3e-3);
         those.map(|one| [1e3 * one.gap_s, one.angle_rad]).take(DRAWN).collect::<Vec<_>>()
     };
-    let axes = ["time since its contact before (ms)", "angle (rad)"];
-    Chart::plot(name, "Contacts of a resonator with the part", axes)
-        .dots("pushes forward", Color::Blue, points(false))
-        .dots("pushes backward", Color::Orange, points(true))
+    let forward = chart(name).dots("pushes forward", Color::Blue, points(false));
+    forward.dots("pushes backward", Color::Orange, points(true))
 }
 
 fn spectrum_chart(run: &Run) -> Chart {
     let samples = samples_from(run, batch::SETTLED_S);
     let heights_um: Vec<f64> = samples.iter().map(|sample| 1e6 * run.height_m(&sample.state)).collect();
-    let lines = spectrum(&heights_um, run.setup().sample_s);
+    let lines = spectrum(&heights_um, run.setup.sample_s);
     let drawn = lines.into_iter().skip(1).take_while(|line| line[0] < DRAWN_HZ);
-    let axes = [Axis::new("frequency (Hz)"), Axis::log("amplitude (µm)")];
-    Chart::over("mchip-spectrum", "Spectrum of the part's height", axes).line("height", Color::Blue, drawn)
+    chart("mchip-spectrum").line("height", Color::Blue, drawn)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{SettingAssignment, assigned};
+    use crate::settings::{assigned, assignment};
 
     fn set(text: &str) -> Result<ExperimentResult, LabFault> {
-        let assignments: Vec<SettingAssignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
+        let assignments: Vec<_> = text.split_whitespace().map(|one| assignment(one).unwrap()).collect();
         measure(&assigned(SETTINGS, &MChip::published(), &assignments)?, &|_| ())
     }
 

@@ -63,3 +63,14 @@ pub(super) fn runge_kutta<const N: usize>(
     let k4 = slope(along(k3, step), step);
     along(std::array::from_fn(|i| (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]) / 6.0), step)
 }
+
+/// Those of `sorted` that are `apart` from all that were kept before them.
+pub(super) fn spread<T>(sorted: impl IntoIterator<Item = T>, apart: impl Fn(&T, &T) -> bool) -> Vec<T> {
+    let mut kept: Vec<T> = Vec::new();
+    for one in sorted {
+        if kept.iter().all(|other| apart(other, &one)) {
+            kept.push(one);
+        }
+    }
+    kept
+}

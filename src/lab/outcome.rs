@@ -33,6 +33,19 @@ impl Figure {
         Self { name: name.into(), unit: unit.to_owned(), measured, reference: None, source: source.to_owned() }
     }
 
+    /// The figure with `what` for `{}` in its name and source.
+    pub fn of(self, what: &str) -> Self {
+        Self { name: self.name.replace("{}", what), source: self.source.replace("{}", what), ..self }
+    }
+
+    /// The figure classed in its source, so that the printed table names it: reproduced where the measured value is in
+    /// `accepted`, limits included; a missing one is not.
+    pub(super) fn judged(self, accepted: [f64; 2]) -> Self {
+        let [least, most] = accepted;
+        let verdict = if (least..=most).contains(&self.measured) { "reproduced" } else { "NOT reproduced" };
+        Self { source: format!("{verdict} ({least} to {most}): {}", self.source), ..self }
+    }
+
     /// Deviation of `measured` from the reference, as a fraction of it; `None` where either is missing or the reference
     /// is zero.
     pub fn relative_error(&self) -> Option<f64> {
@@ -78,4 +91,21 @@ pub struct ExperimentResult {
     pub notes: Vec<String>,
     /// The trace that was evaluated.
     pub recorded: Option<RecordedPulse>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figure_in_the_accepted_interval_alone_is_reproduced() {
+        for (measured, class) in [
+            (0.6, "reproduced (0.6 to 1): Fig. 5"),
+            (1.1, "NOT reproduced (0.6 to 1): Fig. 5"),
+            (f64::NAN, "NOT reproduced (0.6 to 1): Fig. 5"),
+        ] {
+            let figure = Figure::against("rate", "mm/s", measured, 0.8, "Fig. 5").judged([0.6, 1.0]);
+            assert_eq!(figure.source, class);
+        }
+    }
 }

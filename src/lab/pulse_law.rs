@@ -3,8 +3,9 @@
 
 use std::f64::consts::TAU;
 
-use super::pulses::{EDGE_M, check_carries, envelope, place, play, saturation, strongest_spin};
+use super::pulses::{EDGE_M, check_carries, envelope, play, saturation, strongest_spin};
 use super::sweep::Progress;
+use super::texts::{chart, figure};
 use super::{ExperimentResult, Figure, LabFault, LabRig, coulomb_pump};
 use upm_chart::{Chart, Color};
 use upm_core::geometry::Vec2;
@@ -42,6 +43,23 @@ struct PlayedPulse {
     t_s: Vec<f64>,
     /// Distance travelled at each instant, m.
     way_m: Vec<f64>,
+    /// Displacement by the mean force, m.
+    averaged_m: f64,
+}
+
+impl PlayedPulse {
+    /// Attack and decay included: friction depends only on the direction of slip, so that they count nearly in full.
+    fn length_s(&self) -> f64 {
+        self.envelope.driven_s()
+    }
+
+    fn found_m(&self) -> f64 {
+        self.way_m.last().copied().unwrap_or(f64::NAN)
+    }
+
+    fn over_square_mps2(&self, way_m: f64) -> f64 {
+        way_m / self.length_s().powi(2)
+    }
 }
 
 /// A pulse's waves, the speed of a part in a short one and in a longer one, and displacement against the square of the
@@ -71,9 +89,9 @@ pub fn pulse_law(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabF
     let (short, long) = (short?, long?);
     outcome.charts = vec![wave_chart(rig, &short.envelope), speed_chart(&short, &long)];
     for (bench, name) in &benches {
-        let rows = bench.rows(&sustains_s)?;
+        let rows = sustains_s.iter().map(|&sustain_s| bench.play(sustain_s)).collect::<Result<Vec<_>, _>>()?;
         outcome.figures.extend(figures(bench, &rows, name));
-        outcome.charts.push(law_chart(&rows, name));
+        outcome.charts.push(law_chart(bench, &rows, name));
     }
     Ok(outcome)
 }
@@ -88,37 +106,14 @@ fn sustains_s(rig: &LabRig) -> Vec<f64> {
     periods.into_iter().map(|periods| periods * period_s).collect()
 }
 
-/// Displacement by one pulse.
-struct PulseLawRow {
-    envelope: Envelope,
-    /// Attack and decay included: friction depends only on the direction of slip, so that they count nearly in full.
-    length_s: f64,
-    found_m: f64,
-    law_m: f64,
-    averaged_m: f64,
-}
-
 impl PivotSetup<'_> {
     fn play(&self, sustain_s: f64) -> Result<PlayedPulse, LabFault> {
         let rig = self.rig;
         let envelope = Envelope { rest_s: REST_S, ..envelope(rig, sustain_s) };
         let pulse = OpenPulse::about(self.cor_m, self.spin_radps, envelope);
         let found = play(rig, self.mode, &[Vec2::zeros()], &[pulse], SAMPLES * rig.model.base_radps / TAU)?;
-        let way_m = |i: usize| found.parts.first().and_then(|part| place(part, i)).map_or(f64::NAN, |at| at.norm());
-        let way_m = (0..found.t_s.len()).map(way_m).collect();
-        Ok(PlayedPulse { envelope, t_s: found.t_s, way_m })
-    }
-
-    /// Displacements by pulses with these sustains.
-    fn rows(&self, sustains_s: &[f64]) -> Result<Vec<PulseLawRow>, LabFault> {
-        let row = |sustain_s: &f64| {
-            let played = self.play(*sustain_s)?;
-            let length_s = played.envelope.driven_s();
-            let law_m = self.law_mps2() * length_s * length_s;
-            let averaged_m = self.averaged_m(&played.envelope);
-            Ok(PulseLawRow { envelope: played.envelope, length_s, found_m: played.displacement_m(), law_m, averaged_m })
-        };
-        sustains_s.iter().map(row).collect()
+        let way_m = found.ways_m.iter().flatten().map(|at| at.norm()).collect();
+        Ok(PlayedPulse { envelope, t_s: found.t_s, way_m, averaged_m: self.averaged_m(&envelope) })
     }
 
     /// Speed A of the plate under the part, m/s.
@@ -149,48 +144,37 @@ impl PivotSetup<'_> {
     }
 }
 
-impl PulseLawRow {
-    fn over_square_mps2(&self) -> f64 {
-        self.found_m / self.length_s.powi(2)
-    }
-}
-
-impl PlayedPulse {
-    fn displacement_m(&self) -> f64 {
-        self.way_m.last().copied().unwrap_or(f64::NAN)
-    }
-}
-
-fn figures(bench: &PivotSetup<'_>, rows: &[PulseLawRow], plate: &str) -> Vec<Figure> {
-    let averaged = |row: &PulseLawRow| row.averaged_m / row.length_s.powi(2);
-    let gained = |row: &PulseLawRow| saturation(bench.rig, bench.spin_radps.abs(), bench.cor_m.norm(), &row.envelope);
-    let largest = rows.iter().map(PulseLawRow::over_square_mps2).fold(0.0, f64::max);
-    let within = || rows.iter().filter(|row| row.over_square_mps2() > (1.0 - OFF) * largest);
+fn figures(bench: &PivotSetup<'_>, rows: &[PlayedPulse], plate: &str) -> [Figure; 7] {
+    let averaged = |row: &PlayedPulse| row.over_square_mps2(row.averaged_m);
+    let found = |row: &PlayedPulse| row.over_square_mps2(row.found_m());
+    let gained = |row: &PlayedPulse| saturation(bench.rig, bench.spin_radps.abs(), bench.cor_m.norm(), &row.envelope);
+    let largest = rows.iter().map(found).fold(0.0, f64::max);
+    let within = || rows.iter().filter(|row| found(row) > (1.0 - OFF) * largest);
     let (from, to, last) = (within().next(), within().next_back(), rows.last());
     // the mean force of Eq. 18 knows the belt, but not where in a period a flank ends
-    let belted = |row: &PulseLawRow| averaged(row) < (1.0 - OFF) * rows.iter().map(averaged).fold(0.0, f64::max);
-    let ends = match rows.iter().find(|row| to.is_some_and(|to| row.length_s > to.length_s)) {
+    let belted = |row: &PlayedPulse| averaged(row) < (1.0 - OFF) * rows.iter().map(averaged).fold(0.0, f64::max);
+    let ends = match rows.iter().find(|row| to.is_some_and(|to| row.length_s() > to.length_s())) {
         None => "the longest pulse",
         Some(next) if belted(next) => "beyond it the belt limits",
         Some(_) => "the largest is that of a pulse that is mostly flank",
     };
-    let of = |row: Option<&PulseLawRow>, value: &dyn Fn(&PulseLawRow) -> f64| row.map_or(f64::NAN, value);
-    let length_ms = |row: &PulseLawRow| 1e3 * row.length_s;
-    let named = |name: &str| format!("{plate}: {name}");
-    let alone = |name: &str, unit: &str, value: f64, source: &str| Figure::alone(named(name), unit, value, source);
-    let found_mm = |row: &PulseLawRow| mm_from_m(row.found_m);
+    let of = |row: Option<&PlayedPulse>, value: &dyn Fn(&PlayedPulse) -> f64| row.map_or(f64::NAN, value);
+    let length_ms = |row: &PlayedPulse| 1e3 * row.length_s();
+    let alone = |name: &str, unit: &str, value: f64, source: &str| Figure::alone(name, unit, value, source);
+    let found_mm = |row: &PlayedPulse| mm_from_m(row.found_m());
     let law = format!("½ f0 (1 + f0) μ g is {:.4}; S with attack and decay", bench.law_mps2());
     let averaged_mm = of(last, &|row| mm_from_m(row.averaged_m));
     let integrated = format!("Eq. 18 integrated over the envelope: {averaged_mm:.2}");
-    vec![
-        alone("speed A under the part", "m/s", bench.amplitude_mps(), "turning about a corner"),
-        alone("displacement over S², largest", "m/s²", largest, &law),
-        alone("within 10 % of that from S", "ms", of(from, &length_ms), "attack and decay are weaker than the sustain"),
-        alone("within 10 % of that up to S", "ms", of(to, &length_ms), ends),
-        alone("speed gained there, over A/2", "1", of(to, &gained), "by the law; the paper: negligible"),
-        alone("displacement there", "mm", of(to, &found_mm), "simulated"),
-        alone("displacement by the longest pulse", "mm", of(last, &found_mm), &integrated),
-    ]
+    let figures = [
+        figure("{}: speed A under the part", bench.amplitude_mps()),
+        alone("{}: displacement over S², largest", "m/s²", largest, &law),
+        figure("{}: within 10 % of that from S", of(from, &length_ms)),
+        alone("{}: within 10 % of that up to S", "ms", of(to, &length_ms), ends),
+        figure("{}: speed gained there, over A/2", of(to, &gained)),
+        figure("{}: displacement there", of(to, &found_mm)),
+        alone("{}: displacement by the longest pulse", "mm", of(last, &found_mm), &integrated),
+    ];
+    figures.map(|figure| figure.of(plate))
 }
 
 /// Chart of Fig. 8.
@@ -203,8 +187,7 @@ fn wave_chart(rig: &LabRig, envelope: &Envelope) -> Chart {
         phase_rad.cos() - 0.5 * (2.0 * phase_rad).cos()
     };
     let curve = |of: &dyn Fn(f64) -> f64| times().map(|t_s| [1e3 * t_s, of(t_s)]).collect::<Vec<_>>();
-    let axes = ["time (ms)", "velocity of the plate over A"];
-    Chart::plot("pulse-law-wave", "A pulse: wave, envelope and their product (Fig. 8)", axes)
+    chart("pulse-law-wave")
         .line("cos wt - ½ cos 2wt", Color::Gray, curve(&wave))
         .line("envelope", Color::Orange, curve(&|t_s| envelope.at(t_s)))
         .line("product", Color::Blue, curve(&|t_s| envelope.at(t_s) * wave(t_s)))
@@ -220,19 +203,19 @@ fn speed_chart(short: &PlayedPulse, long: &PlayedPulse) -> Chart {
         pairs.map(speed).collect::<Vec<_>>()
     };
     let label = |played: &PlayedPulse| format!("sustained for {:.0} ms", 1e3 * played.envelope.sustain_s);
-    Chart::plot("pulse-law-speed", "Speed of a part, mean over a period (Fig. 9)", ["time (ms)", "speed (mm/s)"])
-        .line(&label(short), Color::Blue, mean(short))
-        .line(&label(long), Color::Orange, mean(long))
+    chart("pulse-law-speed").line(&label(short), Color::Blue, mean(short)).line(&label(long), Color::Orange, mean(long))
 }
 
-fn law_chart(rows: &[PulseLawRow], plate: &str) -> Chart {
-    let points = |of: fn(&PulseLawRow) -> f64| rows.iter().map(move |row| [row.length_s.powi(2), mm_from_m(of(row))]);
+fn law_chart(bench: &PivotSetup<'_>, rows: &[PlayedPulse], plate: &str) -> Chart {
+    let points = |way_m: &dyn Fn(&PlayedPulse) -> f64| -> Vec<[f64; 2]> {
+        rows.iter().map(|row| [row.length_s().powi(2), mm_from_m(way_m(row))]).collect()
+    };
     let (name, title) =
         (format!("pulse-law-{}", plate.replace(' ', "-")), format!("Displacement by one pulse, {plate}"));
     Chart::plot(name, title, ["S² (s²), attack and decay included", "displacement (mm)"])
-        .dashes("law of squares", Color::Gray, points(|row| row.law_m))
-        .line("mean force (Eq. 18), integrated", Color::Blue, points(|row| row.averaged_m))
-        .dots("simulated", Color::Orange, points(|row| row.found_m))
+        .dashes("law of squares", Color::Gray, points(&|row| bench.law_mps2() * row.length_s().powi(2)))
+        .line("mean force (Eq. 18), integrated", Color::Blue, points(&|row| row.averaged_m))
+        .dots("simulated", Color::Orange, points(&PlayedPulse::found_m))
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use upm_core::geometry::{Pose, Vec2, cross};
 use upm_core::job::PlateMode;
 use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
-use upm_sim::{OpenLoopTrajectories, OpenPulse, PartTrajectory, check_pulses, simulate};
+use upm_sim::{OpenPulse, PartTrajectory, check_pulses, simulate};
 
 /// Samples a second of a series of positions.
 pub(super) const SERIES_HZ: f64 = 60.0;
@@ -16,9 +16,6 @@ pub(super) const SERIES_HZ: f64 = 60.0;
 pub(super) const FINER: usize = 16;
 /// Clearance between a coin's rim and the plate's edge at the start, m: on a rig's plate coins drift.
 pub(super) const EDGE_M: f64 = 10e-3;
-
-/// Explanation of [`saturation`] for a figure.
-pub(super) const SATURATION: &str = "speed a pulse gives over the belt's; far below 1 in the ideal";
 
 /// The rig's pulse with a sustain of `sustain_s`.
 pub(super) fn envelope(rig: &LabRig, sustain_s: f64) -> Envelope {
@@ -62,6 +59,19 @@ pub(super) fn check_carries(rig: &LabRig, spin_radps: f64, radius_m: f64) -> Res
     )))
 }
 
+/// Positions of parts over time, from the start on.
+pub(super) struct Played {
+    pub t_s: Vec<f64>,
+    pub ways_m: Vec<Vec<Vec2>>,
+}
+
+impl Played {
+    /// Where part `i` comes to rest.
+    pub fn end_m(&self, i: usize) -> Vec2 {
+        self.ways_m.get(i).and_then(|way_m| way_m.last()).copied().unwrap_or(Vec2::repeat(f64::NAN))
+    }
+}
+
 /// Plays `pulses` on this rig's coins at `parts_m`, with `sample_hz` positions a second.
 pub(super) fn play(
     rig: &LabRig,
@@ -69,19 +79,11 @@ pub(super) fn play(
     parts_m: &[Vec2],
     pulses: &[OpenPulse],
     sample_hz: f64,
-) -> Result<OpenLoopTrajectories, LabFault> {
+) -> Result<Played, LabFault> {
     let parts: Vec<_> = parts_m.iter().map(|&at| (rig.penny, Pose { position_m: at, heading_rad: 0.0 })).collect();
-    simulate(&rig.sim, mode, &parts, pulses, rig.model.base_radps, sample_hz).map_err(LabFault::Rig)
-}
-
-/// Position number `i` of a trajectory.
-pub(super) fn place(trajectory: &PartTrajectory, i: usize) -> Option<Vec2> {
-    Some(Vec2::new(*trajectory.x_m.get(i)?, *trajectory.y_m.get(i)?))
-}
-
-/// All positions of a trajectory.
-pub(super) fn places(trajectory: &PartTrajectory) -> impl Iterator<Item = Vec2> {
-    trajectory.x_m.iter().zip(&trajectory.y_m).map(|(&x, &y)| Vec2::new(x, y))
+    let played = simulate(&rig.sim, mode, &parts, pulses, rig.model.base_radps, sample_hz).map_err(LabFault::Rig)?;
+    let way = |part: &PartTrajectory| part.x_m.iter().zip(&part.y_m).map(|(&x, &y)| Vec2::new(x, y)).collect();
+    Ok(Played { ways_m: played.parts.iter().map(way).collect(), t_s: played.t_s })
 }
 
 /// Rotation from `from_m` to `to_m` about `cor_m`: angle, rad, counter-clockwise, and length of the arc, m.

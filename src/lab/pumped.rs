@@ -33,64 +33,69 @@ pub(super) struct PumpedLine {
     pub steps: u32,
 }
 
-impl PumpedLine {
-    fn step_s(&self) -> f64 {
-        TAU / self.base_radps / f64::from(self.steps)
+/// A part on the plate, and the plate's motion in the middle of every step of a cycle.
+struct PumpedPart {
+    parts: Parts,
+    cycle: Vec<PlateMotion>,
+}
+
+impl PumpedPart {
+    /// Plays `cycles` cycles.
+    fn play(&mut self, cycles: u32) {
+        for motion in (0..cycles).flat_map(|_| &self.cycle) {
+            self.parts.step(motion);
+        }
     }
 
+    /// Place, m, and speed, m/s, of the part.
+    fn state(&self) -> [f64; 2] {
+        let part = self.parts.motions().next();
+        part.map_or([f64::NAN; 2], |part| [part.part_in_table.position_m.x, part.velocity_mps.x])
+    }
+}
+
+impl PumpedLine {
     pub fn cycle_s(&self) -> f64 {
         TAU / self.base_radps
     }
 
-    fn part(&self, part: PartParams, speed_mps: f64) -> Parts {
-        let contact = ContactParams { restitution: 0.0, rim_friction: 0.0 };
-        let mut parts = Parts::new(&[(part, Pose::IDENTITY)], &contact, SIDE_M, self.step_s());
-        parts.push(0, Vec2::new(speed_mps, 0.0), 0.0);
-        parts
-    }
-
-    /// The plate's motion in the middle of step `step` of a cycle.
-    fn plate_at(&self, wave: &TwistWave, step: u32) -> PlateMotion {
-        PlateMotion { twist: wave.at((f64::from(step) + 0.5) * self.step_s()), ..Default::default() }
-    }
-
-    fn wave(&self) -> TwistWave {
+    /// `part` on the plate, at `speed_mps`.
+    fn part(&self, part: PartParams, speed_mps: f64) -> PumpedPart {
         let along = |share: f64| Twist::new(share * self.amplitude_mps, 0.0, 0.0);
         let harmonic = |[cos, sin]: [f64; 2]| TwistHarmonic { cos: along(cos), sin: along(sin) };
-        TwistWave { base_radps: self.base_radps, harmonics: vec![harmonic([1.0, 0.0]), harmonic(self.second)] }
+        let harmonics = vec![harmonic([1.0, 0.0]), harmonic(self.second)];
+        let wave = TwistWave { base_radps: self.base_radps, harmonics };
+        let (contact, step_s) =
+            (ContactParams { restitution: 0.0, rim_friction: 0.0 }, self.cycle_s() / f64::from(self.steps));
+        let motion = |step: u32| PlateMotion { twist: wave.at((f64::from(step) + 0.5) * step_s), ..Default::default() };
+        let mut parts = Parts::new(&[(part, Pose::IDENTITY)], &contact, SIDE_M, step_s);
+        parts.push(0, Vec2::new(speed_mps, 0.0), 0.0);
+        PumpedPart { parts, cycle: (0..self.steps).map(motion).collect() }
     }
 
     /// Speed of `part`, which starts at `from_mps`, after each of `cycles` cycles, m/s; the start comes first.
     pub fn speeds(&self, part: PartParams, from_mps: f64, cycles: u32) -> Vec<f64> {
-        let (mut parts, wave) = (self.part(part, from_mps), self.wave());
-        let plate: Vec<PlateMotion> = (0..self.steps).map(|step| self.plate_at(&wave, step)).collect();
+        let mut pumped = self.part(part, from_mps);
         let after_a_cycle = |_| {
-            for motion in &plate {
-                parts.step(motion);
-            }
-            speed_of(&parts)
+            pumped.play(1);
+            pumped.state()[1]
         };
         std::iter::once(from_mps).chain((0..cycles).map(after_a_cycle)).collect()
     }
 
     /// Mean force over one cycle, in units of μ m g, on a part that moves at `speed_mps`.
     pub fn mean_force(&self, part: PartParams, speed_mps: f64) -> f64 {
-        let speeds = self.speeds(part, speed_mps, 1);
-        let gained_mps = speeds.last().copied().unwrap_or(speed_mps) - speed_mps;
+        let gained_mps = self.speeds(part, speed_mps, 1)[1] - speed_mps;
         gained_mps / (part.friction * GRAVITY_MPS2 * self.cycle_s())
     }
 
     /// Mean speed of `part` from rest over `cycles` cycles after `settling` others, m/s.
     pub fn carried_mps(&self, part: PartParams, settling: u32, cycles: u32) -> f64 {
-        let (mut parts, wave) = (self.part(part, 0.0), self.wave());
-        let plate: Vec<PlateMotion> = (0..self.steps).map(|step| self.plate_at(&wave, step)).collect();
-        let mut place_after = |cycles: u32| {
-            for motion in (0..cycles).flat_map(|_| &plate) {
-                parts.step(motion);
-            }
-            parts.motions().next().map_or(f64::NAN, |part| part.part_in_table.position_m.x)
-        };
-        let (settled_m, later_m) = (place_after(settling), place_after(cycles));
+        let mut pumped = self.part(part, 0.0);
+        let [settled_m, later_m] = [settling, cycles].map(|cycles| {
+            pumped.play(cycles);
+            pumped.state()[0]
+        });
         (later_m - settled_m) / (f64::from(cycles) * self.cycle_s())
     }
 
@@ -104,12 +109,12 @@ impl PumpedLine {
 
     /// True when `part`, initially at rest on the plate, slips within two cycles.
     fn slides(&self, part: PartParams) -> bool {
-        let wave = self.wave();
-        let mut parts = self.part(part, self.plate_at(&wave, 0).twist.velocity_mps.x);
-        (0..2 * self.steps).any(|step| {
-            let motion = self.plate_at(&wave, step);
-            parts.step(&motion);
-            (speed_of(&parts) - motion.twist.velocity_mps.x).abs() > STUCK_MPS
+        let plate_mps = |motion: &PlateMotion| motion.twist.velocity_mps.x;
+        let start_mps = self.part(part, 0.0).cycle.first().map_or(0.0, plate_mps);
+        let PumpedPart { mut parts, cycle } = self.part(part, start_mps);
+        cycle.iter().chain(&cycle).any(|motion| {
+            parts.step(motion);
+            parts.motions().any(|part| (part.velocity_mps.x - plate_mps(motion)).abs() > STUCK_MPS)
         })
     }
 }
@@ -123,10 +128,6 @@ pub(super) fn sliding_threshold(part: PartParams, base_radps: f64, step_s: f64) 
         PumpedLine { amplitude_mps, base_radps, second: PUMP, steps }.slides(part)
     };
     bisect([0.0, 2.0 / coulomb_pump::peak_acceleration()], HALVINGS, slides)[1]
-}
-
-fn speed_of(parts: &Parts) -> f64 {
-    parts.motions().next().map_or(f64::NAN, |part| part.velocity_mps.x)
 }
 
 #[cfg(test)]

@@ -6,15 +6,15 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use super::pulses::{
-    EDGE_M, FINER, SATURATION, SERIES_HZ, calm_envelope, check_carries, mm, place, places, play, saturation,
-    strongest_spin, turn,
+    EDGE_M, FINER, Played, SERIES_HZ, calm_envelope, check_carries, mm, play, saturation, strongest_spin, turn,
 };
 use super::sweep::Progress;
+use super::texts::{figure, figures};
 use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
-use upm_sim::{OpenLoopTrajectories, OpenPulse};
+use upm_sim::OpenPulse;
 
 /// Starting positions of the coins, as fractions of the distance from the centre to the plate's other side.
 const LANES: [f64; 3] = [0.4, 0.7, 1.0];
@@ -28,9 +28,6 @@ const SNAPSHOTS: usize = 4;
 /// Pulses tried at first; doubled until a coin has travelled as far as the plate allows.
 const FIRST_PULSES: usize = 32;
 const MOST_PULSES: usize = 4096;
-
-/// On a plate the belt is slower near the centre, which reduces the distance where the saturation is not small.
-const IDEAL: &str = "1 in the ideal field: UPM paper, section 2.1";
 
 /// The field and the starting positions of the coins.
 struct RaceCourse {
@@ -71,7 +68,7 @@ impl RaceCourse {
         })
     }
 
-    fn play(&self, rig: &LabRig, pulses: usize) -> Result<OpenLoopTrajectories, LabFault> {
+    fn play(&self, rig: &LabRig, pulses: usize) -> Result<Played, LabFault> {
         let pulses = vec![self.pulse.clone(); pulses];
         play(rig, PlateMode::Dynamic, &self.starts_m, &pulses, SERIES_HZ * FINER as f64)
     }
@@ -87,48 +84,26 @@ impl RaceCourse {
     }
 
     /// True when no coin has turned by more than a quarter after `pulses` pulses.
-    fn all_in_quarter(&self, played: &OpenLoopTrajectories, pulses: usize) -> bool {
-        played.parts.iter().zip(self.starts_m).all(|(part, start)| {
-            place(part, self.sample_after(pulses)).is_some_and(|at| turn(self.cor_m, start, at).0.abs() < FRAC_PI_2)
+    fn all_in_quarter(&self, played: &Played, pulses: usize) -> bool {
+        played.ways_m.iter().zip(self.starts_m).all(|(way_m, start)| {
+            let at = way_m.get(self.sample_after(pulses));
+            at.is_some_and(|&at| turn(self.cor_m, start, at).0.abs() < FRAC_PI_2)
         })
     }
 }
 
-/// One coin's rotation about the centre: the angle at every sample, and the arc in all.
-struct Lap {
-    positions_m: Vec<Vec2>,
-    angle_rad: Vec<f64>,
-    arc_m: f64,
-}
-
-impl Lap {
-    fn of(positions_m: Vec<Vec2>, cor_m: Vec2) -> Self {
-        let (mut angle_rad, mut angle, mut arc_m) = (vec![0.0], 0.0, 0.0);
-        for pair in positions_m.windows(2) {
-            let (turned, gone) = turn(cor_m, pair[0], pair[1]);
-            (angle, arc_m) = (angle + turned, arc_m + gone);
-            angle_rad.push(angle);
-        }
-        Self { positions_m, angle_rad, arc_m }
-    }
-
-    fn angle(&self) -> f64 {
-        self.angle_rad.last().copied().unwrap_or(f64::NAN)
-    }
-
-    /// Increase of the coin's distance from the centre over the race.
-    fn drift_m(&self, cor_m: Vec2) -> f64 {
-        let radius = |place: Option<&Vec2>| place.map_or(f64::NAN, |place| (place - cor_m).norm());
-        radius(self.positions_m.last()) - radius(self.positions_m.first())
-    }
+/// Angle, rad, and arc, m, of a coin's rotation about `cor_m`.
+fn lap(way_m: &[Vec2], cor_m: Vec2) -> (f64, f64) {
+    let turns = way_m.windows(2).map(|pair| turn(cor_m, pair[0], pair[1]));
+    turns.fold((0.0, 0.0), |(angle, arc), (turned, gone)| (angle + turned, arc + gone))
 }
 
 /// The pulses played, up to the last one before a coin would have left its quarter.
 struct Race {
     course: RaceCourse,
     pulses: usize,
-    t_s: Vec<f64>,
-    laps: Vec<Lap>,
+    end_s: f64,
+    ways_m: Vec<Vec<Vec2>>,
 }
 
 impl Race {
@@ -142,25 +117,20 @@ impl Race {
                 return Err(LabFault::Rig("one pulse carries a coin out of its quarter of a turn".to_owned()));
             }
             if pulses < tried {
-                let samples = course.sample_after(pulses) + 1;
-                let lap = |part| Lap::of(places(part).take(samples).collect(), course.cor_m);
-                let laps = played.parts.iter().map(lap).collect();
-                return Ok(Self { t_s: played.t_s.into_iter().take(samples).collect(), course, pulses, laps });
+                let last = course.sample_after(pulses);
+                let (end_s, mut ways_m) = (played.t_s.get(last).copied().unwrap_or(f64::NAN), played.ways_m);
+                ways_m.iter_mut().for_each(|way_m| way_m.truncate(last + 1));
+                return Ok(Self { end_s, course, pulses, ways_m });
             }
             tried *= 2;
         }
         Err(LabFault::Rig(format!("{MOST_PULSES} pulses carry no coin through a quarter of a turn")))
     }
 
-    /// Samples of the four snapshots: the start and thirds of the pulses, each at rest.
-    fn snapshots(&self) -> [usize; SNAPSHOTS] {
-        std::array::from_fn(|k| self.course.sample_after(k * self.pulses / (SNAPSHOTS - 1)))
-    }
-
     /// The smallest gap between two rims at any time, m.
     fn least_gap_m(&self) -> f64 {
         let gaps = [(0, 1), (0, 2), (1, 2)].into_iter().flat_map(|(a, b)| {
-            let together = self.laps[a].positions_m.iter().zip(&self.laps[b].positions_m);
+            let together = self.ways_m[a].iter().zip(&self.ways_m[b]);
             together.map(|(a, b)| (a - b).norm() - 2.0 * self.course.coin_radius_m)
         });
         gaps.fold(f64::INFINITY, f64::min)
@@ -177,39 +147,40 @@ impl Race {
 /// give no valid pulse.
 pub fn race_track(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let race = Race::run(rig)?;
-    let charts = vec![map(&race), angles(&race)];
-    Ok(ExperimentResult { figures: figures(rig, &race), charts, ..ExperimentResult::default() })
+    let charts = vec![map(&race)];
+    Ok(ExperimentResult { figures: figures_of(rig, &race), charts, ..ExperimentResult::default() })
 }
 
-fn figures(rig: &LabRig, race: &Race) -> Vec<Figure> {
+fn figures_of(rig: &LabRig, race: &Race) -> Vec<Figure> {
     let (course, spin_radps) = (&race.course, race.course.spin_radps);
-    let end_s = race.t_s.last().copied().unwrap_or(0.0);
-    let alone = |name: String, unit: &str, value: f64, source: &str| Figure::alone(name, unit, value, source);
-    let mut figures = vec![
-        alone("amplitude of spin".into(), "rad/s", spin_radps, "the largest the rig's motors play about this centre"),
-        alone("pulses".into(), "1", race.pulses as f64, "until a coin would leave its quarter of a turn"),
-        alone("plate time".into(), "s", end_s, "pulses and rests"),
-        alone("least gap between rims".into(), "mm", 1e3 * race.least_gap_m(), "simulated places, all samples"),
-    ];
-    for (i, (lap, coin)) in race.laps.iter().zip(NAMES).enumerate() {
+    let mut found = figures([
+        ("amplitude of spin", spin_radps),
+        ("pulses", race.pulses as f64),
+        ("plate time", race.end_s),
+        ("least gap between rims", 1e3 * race.least_gap_m()),
+    ])
+    .to_vec();
+    let laps: Vec<(f64, f64)> = race.ways_m.iter().map(|way_m| lap(way_m, course.cor_m)).collect();
+    for (i, (coin, (angle_rad, arc_m))) in NAMES.into_iter().zip(&laps).enumerate() {
         let saturation = saturation(rig, spin_radps, course.radius_m(i), &course.pulse.envelope);
         let radius = format!("starts {:.1} mm from the centre", 1e3 * course.radius_m(i));
-        let drift_mm = 1e3 * lap.drift_m(course.cor_m);
-        figures.extend([
-            alone(format!("{coin}: saturation"), "1", saturation, SATURATION),
-            alone(format!("{coin}: arc"), "mm", 1e3 * lap.arc_m, &radius),
-            alone(format!("{coin}: angle turned"), "deg", lap.angle().to_degrees(), &radius),
-            alone(format!("{coin}: radial drift"), "mm", drift_mm, "none in the ideal field"),
+        let end_m = race.ways_m[i].last().map_or(f64::NAN, |end| (end - course.cor_m).norm());
+        found.extend([
+            figure("{}: saturation", saturation).of(coin),
+            Figure::alone(format!("{coin}: arc"), "mm", 1e3 * arc_m, &radius),
+            Figure::alone(format!("{coin}: angle turned"), "deg", angle_rad.to_degrees(), &radius),
+            figure("{}: radial drift", 1e3 * (end_m - course.radius_m(i))).of(coin),
         ]);
     }
-    let outer = &race.laps[OUTER];
-    for (i, (lap, coin)) in race.laps.iter().zip(NAMES).enumerate().take(OUTER) {
-        let (arcs, angles) = (lap.arc_m / outer.arc_m, lap.angle() / outer.angle());
-        let inverse = format!("{:.2} in the ideal field", course.radius_m(OUTER) / course.radius_m(i));
-        figures.push(alone(format!("{coin}: arc over the outer coin's"), "1", arcs, IDEAL));
-        figures.push(alone(format!("{coin}: angle over the outer coin's"), "1", angles, &inverse));
-    }
-    figures
+    let outer_m = laps[OUTER].1;
+    found.extend(
+        NAMES
+            .iter()
+            .zip(&laps)
+            .take(OUTER)
+            .map(|(coin, (_, arc_m))| figure("{}: arc over the outer coin's", arc_m / outer_m).of(coin)),
+    );
+    found
 }
 
 fn map(race: &Race) -> Chart {
@@ -218,48 +189,43 @@ fn map(race: &Race) -> Chart {
         Layer::plate(1e3 * course.half_side_m),
         Layer::new("centre of rotation", Mark::Crosses, Color::Red, [mm(course.cor_m)]),
     ];
-    for (i, lap) in race.laps.iter().enumerate() {
-        let path = lap.positions_m.iter().step_by(FINER).map(|place| mm(*place));
+    for (i, way_m) in race.ways_m.iter().enumerate() {
+        let path = way_m.iter().step_by(FINER).map(|place| mm(*place));
         layers.push(Layer::new("", Mark::Line, Color::Gray, path));
-        let seen =
-            race.snapshots().into_iter().filter_map(|sample| lap.positions_m.get(sample)).map(|place| mm(*place));
+        // the start and thirds of the pulses, each at rest
+        let samples = (0..SNAPSHOTS).map(|k| course.sample_after(k * race.pulses / (SNAPSHOTS - 1)));
+        let seen = samples.filter_map(|sample| way_m.get(sample)).map(|place| mm(*place));
         let circles = Mark::Circles { radius: 1e3 * course.coin_radius_m };
         layers.push(Layer::new(NAMES[i], circles, Color::nth(i), seen));
     }
     Chart::plate_map("race-track", "Three coins on one rotation field, four snapshots", None, layers)
 }
 
-fn angles(race: &Race) -> Chart {
-    let mut chart = Chart::plot(
-        "race-track-angles",
-        "Angle turned about the centre of rotation",
-        ["plate time (s)", "angle (deg)"],
-    );
-    for (i, lap) in race.laps.iter().enumerate() {
-        let points = race.t_s.iter().zip(&lap.angle_rad).step_by(FINER).map(|(t, angle)| [*t, angle.to_degrees()]);
-        chart = chart.line(NAMES[i], Color::nth(i), points);
-    }
-    chart
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::testing::{assert_sources_are_short, lab_rig, measured};
     use super::*;
+    use std::sync::OnceLock;
+
+    /// The results on upm-1 and upm-2.
+    fn raced(rig: &str) -> &'static ExperimentResult {
+        static RESULTS: [OnceLock<ExperimentResult>; 2] = [const { OnceLock::new() }; 2];
+        RESULTS[usize::from(rig == "upm-2")].get_or_init(|| race_track(&lab_rig(rig), &|_| ()).unwrap())
+    }
 
     #[test]
     fn inner_coins_turn_through_larger_angles_where_the_motors_are_strong() {
-        let outcome = race_track(&lab_rig("upm-2"), &|_| ()).unwrap();
-        assert_sources_are_short(&outcome);
-        let angle = NAMES.map(|coin| measured(&outcome, &format!("{coin}: angle turned")));
+        let outcome = raced("upm-2");
+        assert_sources_are_short(outcome);
+        let angle = NAMES.map(|coin| measured(outcome, &format!("{coin}: angle turned")));
         assert!(angle[0] > 1.15 * angle[1] && angle[1] > 1.15 * angle[2] && angle[0] > 80.0, "{angle:?}");
         for coin in NAMES {
-            assert!(measured(&outcome, &format!("{coin}: saturation")) < 1.0);
-            let drift_mm = measured(&outcome, &format!("{coin}: radial drift"));
+            assert!(measured(outcome, &format!("{coin}: saturation")) < 1.0);
+            let drift_mm = measured(outcome, &format!("{coin}: radial drift"));
             assert!(drift_mm.abs() < 5.0, "the plate rests between pulses: {coin}: {drift_mm}");
         }
         for coin in &NAMES[..OUTER] {
-            let arcs = measured(&outcome, &format!("{coin}: arc over the outer coin's"));
+            let arcs = measured(outcome, &format!("{coin}: arc over the outer coin's"));
             // the inner coin's belt is nearest to saturation
             assert!((0.7..1.05).contains(&arcs), "{coin}: {arcs}");
         }
@@ -267,11 +233,11 @@ mod tests {
 
     #[test]
     fn weak_motors_turn_the_plate_into_a_belt() {
-        let outcome = race_track(&lab_rig("upm-1"), &|_| ()).unwrap();
-        let arc = NAMES.map(|coin| measured(&outcome, &format!("{coin}: arc")));
+        let outcome = raced("upm-1");
+        let arc = NAMES.map(|coin| measured(outcome, &format!("{coin}: arc")));
         assert!(arc[0] < arc[1] && arc[1] < arc[2], "{arc:?}");
         for coin in NAMES {
-            assert!(measured(&outcome, &format!("{coin}: saturation")) > 1.0);
+            assert!(measured(outcome, &format!("{coin}: saturation")) > 1.0);
         }
     }
 
@@ -279,8 +245,8 @@ mod tests {
     fn coins_stay_on_the_plate_and_apart() {
         for name in ["upm-1", "upm-2"] {
             let rig = lab_rig(name);
-            let outcome = race_track(&rig, &|_| ()).unwrap();
-            assert!(measured(&outcome, "least gap between rims") > 0.0);
+            let outcome = raced(name);
+            assert!(measured(outcome, "least gap between rims") > 0.0);
             let reach = 0.5 * rig.sim.plate.side_m - rig.penny.radius_m;
             let ways =
                 outcome.charts[0].layers.iter().filter(|layer| layer.color == Color::Gray && layer.label.is_empty());

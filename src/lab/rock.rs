@@ -18,9 +18,10 @@ pub use self::published::reproduce;
 use self::wave::{Square, Wave};
 use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
+use super::texts::{chart, figures};
 use super::{ExperimentResult, Figure, LabFault};
-use upm_chart::{Chart, Color};
-use upm_core::units::{GRAVITY_MPS2, mm_from_m};
+use upm_chart::{Chart, Color, Layer, Mark};
+use upm_core::units::mm_from_m;
 
 /// A block, its intended orbit, and its initial tilt.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,101 +107,85 @@ pub fn measure(rock: &Rock, _: Progress<'_>) -> Result<ExperimentResult, LabFaul
     let wave = drive.ramped(rock.ramp);
     let motion = rock.release(rock.start).motion(&wave, rock.time_s);
     let orbit = rock.release(1.0).motion(&drive.wave(), 1.5 * drive.period_s);
-    let mut figures = orbit_figures(rock, &drive, &wave, &orbit);
-    figures.extend(fate_figures(rock, &motion));
+    let figures = orbit_figures(rock, &drive, &orbit).into_iter().chain(stability_figures(rock, &wave));
+    let figures = figures.chain(table_figures(&wave, "")).chain(fate_figures(rock, &motion)).collect();
     let lifts = [("on its orbit", &orbit), ("let go here", &motion)].into_iter();
     let lifts = lifts.filter(|(_, motion)| motion.end == End::Lifts).map(|(which, motion)| {
-        let end_s = motion.track.last().map_or(0.0, |at| at[0]);
-        format!("{which}: after {end_s:.3} s the table would have to pull at the block: the model ends there")
+        format!(
+            "{which}: after {:.3} s the table would have to pull at the block: the model ends there",
+            motion.end_s()
+        )
     });
-    let notes = lifts.collect();
-    let charts = vec![
-        track_chart("rock-tilt", "Tilt of the block", &[("let go here", &motion)], Some(rock.peak_rad)),
-        wave_chart("rock-table", &wave),
-    ];
-    Ok(ExperimentResult { figures, notes, charts, ..ExperimentResult::default() })
+    let charts = vec![track_chart("rock-tilt", &[("let go here", &motion)], Some(rock.peak_rad))];
+    Ok(ExperimentResult { figures, notes: lifts.collect(), charts, ..ExperimentResult::default() })
 }
 
-/// Parameters of the wave, and its effect near the orbit.
-fn orbit_figures(rock: &Rock, drive: &Square, wave: &Wave, orbit: &Motion) -> Vec<Figure> {
-    let alone = Figure::alone::<&str>;
-    let peak = orbit.peaks.first().copied();
-    let [at_s, peak_rad] = peak.unwrap_or([f64::NAN; 2]);
-    let captured = rock.release(1.0).captured(wave).unwrap_or([f64::NAN; 2]);
-    let mut figures = vec![
-        alone("acceleration of the table upward", "m/s²", drive.up_mps2, "Singer and Seering, Fig. 4: A_X1"),
-        alone("acceleration of the table downward", "m/s²", drive.down_mps2, "Fig. 4: A_X2"),
-        alone("period, integrated", "ms", 1e3 * at_s, "Eqs. 3.7 to 3.15").with(peak.map(|_| 1e3 * drive.period_s)),
-        alone("peak after a period of the square wave", "rad", peak_rad, "steady orbit")
-            .with(peak.map(|_| rock.peak_rad)),
-        alone("growth of small deviations in a period", "1", rock.release(1.0).multiplier(wave), "stable below 1"),
-        alone("lowest start that is kept", "1", captured[0], "of the peak; 40 periods"),
-        alone("highest start that is kept", "1", captured[1], "of the peak; 40 periods"),
-    ];
-    figures.extend(table_figures(wave, ""));
-    figures
+/// Parameters of the wave, and period and peak of the orbit, integrated.
+fn orbit_figures(rock: &Rock, drive: &Square, orbit: &Motion) -> [Figure; 4] {
+    let [at_s, peak_rad] = orbit.peaks.first().copied().unwrap_or([f64::NAN; 2]);
+    let mut found = figures([
+        ("acceleration of the table upward", drive.up_mps2),
+        ("acceleration of the table downward", drive.down_mps2),
+        ("period, integrated", 1e3 * at_s),
+        ("peak after a period of the square wave", peak_rad),
+    ]);
+    if !orbit.peaks.is_empty() {
+        (found[2].reference, found[3].reference) = (Some(1e3 * drive.period_s), Some(rock.peak_rad));
+    }
+    found
+}
+
+/// Stability of the orbit under the wave.
+fn stability_figures(rock: &Rock, wave: &Wave) -> [Figure; 3] {
+    let [lowest, highest] = rock.release(1.0).captured(wave).unwrap_or([f64::NAN; 2]);
+    figures([
+        ("growth of small deviations in a period", rock.release(1.0).multiplier(wave)),
+        ("lowest start that is kept", lowest),
+        ("highest start that is kept", highest),
+    ])
 }
 
 /// Stroke and largest speed of the table under a wave: the requirements on a shaker.
 fn table_figures(wave: &Wave, whose: &str) -> [Figure; 2] {
-    let [stroke_m, speed_mps] = wave.stroke_and_speed();
-    [("stroke", "mm", stroke_m, "twice integrated"), ("largest speed", "mm/s", speed_mps, "integrated")].map(
-        |(what, unit, value, source)| {
-            Figure::alone(format!("{what} of the table{whose}"), unit, mm_from_m(value), source)
-        },
-    )
+    let [stroke_mm, speed_mm_s] = wave.stroke_and_speed().map(mm_from_m);
+    let found = [("stroke of the table{}", stroke_mm), ("largest speed of the table{}", speed_mm_s)];
+    figures(found).map(|figure| figure.of(whose))
 }
 
 /// Peaks, end and contact forces of the block's motion.
-fn fate_figures(rock: &Rock, motion: &Motion) -> Vec<Figure> {
-    let alone = Figure::alone::<&str>;
-    let peak = |i: usize| motion.peaks.get(i).map_or(f64::NAN, |peak| peak[1] / rock.peak_rad);
-    let last = match motion.end {
-        End::Rocks => motion.peaks.last().map_or(f64::NAN, |peak| peak[1]),
-        End::Flat => 0.0,
-        End::Topples | End::Lifts => f64::NAN,
+fn fate_figures(rock: &Rock, motion: &Motion) -> [Figure; 6] {
+    let until_s = if motion.end == End::Rocks { f64::NAN } else { motion.end_s() };
+    figures([
+        ("first peak", motion.peak_rad(0) / rock.peak_rad),
+        ("second peak", motion.peak_rad(1) / rock.peak_rad),
+        ("last peak", motion.last_peak_rad()),
+        ("time until it lies flat, topples or lifts", until_s),
+        ("least force on the corner", motion.least_contact),
+        ("friction that keeps the corner in place", motion.friction),
+    ])
+}
+
+fn track_chart(name: &str, motions: &[(&str, &Motion)], level_rad: Option<f64>) -> Chart {
+    let line = |(i, (label, motion)): (usize, &(&str, &Motion))| {
+        Layer::new(label, Mark::Line, Color::nth(i), motion.track.iter().copied())
     };
-    let until = if motion.end == End::Rocks { f64::NAN } else { motion.track.last().map_or(f64::NAN, |at| at[0]) };
-    vec![
-        alone("first peak", "1", peak(0), "of the steady one"),
-        alone("second peak", "1", peak(1), "of the steady one"),
-        alone("last peak", "rad", last, "0: it lies flat"),
-        alone("time until it lies flat, topples or lifts", "s", until, "-: it rocks on"),
-        alone("least force on the corner", "1", motion.least_contact, "Eq. 3.3b, of the weight"),
-        alone("friction that keeps the corner in place", "1", motion.friction, "Eq. 3.3b and along the table"),
-    ]
-}
-
-fn track_chart(name: &str, title: &str, motions: &[(&str, &Motion)], level_rad: Option<f64>) -> Chart {
-    let mut chart = Chart::plot(name, title, ["time (s)", "tilt (rad)"]);
-    for ((label, motion), color) in motions.iter().zip([Color::Blue, Color::Orange]) {
-        chart = chart.line(label, color, motion.track.iter().copied());
-    }
-    let end_s = motions.iter().filter_map(|(_, motion)| motion.track.last()).map(|at| at[0]).fold(0.0, f64::max);
-    match level_rad {
-        Some(level_rad) => chart.dashes("steady peak", Color::Gray, [[0.0, level_rad], [end_s, level_rad]]),
-        None => chart,
-    }
-}
-
-fn wave_chart(name: &str, wave: &Wave) -> Chart {
-    let corners = wave.corners().into_iter().map(|[t_s, accel_mps2]| [1e3 * t_s, accel_mps2]);
-    let free_fall = [[0.0, -GRAVITY_MPS2], [1e3 * wave.length_s(), -GRAVITY_MPS2]];
-    Chart::plot(name, "Acceleration of the table", ["time (ms)", "acceleration upward (m/s²)"])
-        .dashes("free fall", Color::Gray, free_fall)
-        .line("table", Color::Blue, corners)
+    let end_s = motions.iter().map(|(_, motion)| motion.end_s()).fold(0.0, f64::max);
+    let level = level_rad.map(|level_rad| [[0.0, level_rad], [end_s, level_rad]]);
+    let level = level.map(|ends| Layer::new("steady peak", Mark::Dashes, Color::Gray, ends));
+    chart(name).with(motions.iter().enumerate().map(line)).with(level)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{SettingAssignment, assigned};
+    use crate::settings::{assigned, assignment};
     use rand::RngExt;
     use upm_core::random::Streams;
+    use upm_core::units::GRAVITY_MPS2;
 
-    fn set(text: &str) -> Result<ExperimentResult, LabFault> {
-        let assignments: Vec<SettingAssignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
-        measure(&assigned(SETTINGS, &Rock::published(), &assignments)?, &|_| ())
+    fn machine(text: &str) -> Result<Rock, LabFault> {
+        let assignments: Vec<_> = text.split_whitespace().map(|one| assignment(one).unwrap()).collect();
+        assigned(SETTINGS, &Rock::published(), &assignments)
     }
 
     #[test]
@@ -211,7 +196,7 @@ mod tests {
             ("from=0.1 to=0.2", "from, to: expected tilts between which"),
             ("from=0.5 to=-0.4", "from, to: expected tilts between which"),
         ] {
-            let said = set(text).unwrap_err().to_string();
+            let said = machine(text).and_then(|rock| rock.drive()).unwrap_err().to_string();
             assert!(said.starts_with(fault), "{said}");
         }
     }
@@ -222,7 +207,10 @@ mod tests {
         let at_the_end = "length_mm=96.04730020616665 height_mm=178.01041896225342 restitution=0.9114372428138772 peak_rad=0.09842018917013262 \
                           from=0.9223881417278829 to=0.4088090220554163 start=1";
         for text in ["length_mm=30 from=0.9 to=0.3", at_the_end] {
-            for figure in set(text).unwrap().figures {
+            let rock = machine(text).unwrap();
+            let drive = rock.drive().unwrap();
+            let orbit = rock.release(1.0).motion(&drive.wave(), 1.5 * drive.period_s);
+            for figure in orbit_figures(&rock, &drive, &orbit) {
                 assert!(figure.relative_error().is_none_or(|error| error.abs() < 1e-6), "{figure:?}");
             }
         }
@@ -231,7 +219,7 @@ mod tests {
     /// Time and tilt of the next peak by steps of Eq. 3.3a: a symplectic step of a pendulum upside down, its corner on
     /// a table that presses; `None` where the table would have to pull.
     fn stepped_peak(rock: &Rock, drive: &Square) -> Option<[f64; 2]> {
-        const STEPS: f64 = 400_000.0;
+        const STEPS: f64 = 200_000.0;
         let Block { length_m, height_m } = rock.block;
         let (arm_m, flat_rad) = (0.5 * length_m.hypot(height_m), height_m.atan2(length_m));
         let step_s = drive.period_s / STEPS;
@@ -280,7 +268,7 @@ mod tests {
             let Ok(drive) = rock.drive() else { continue };
             blocks += 1;
             let orbit = rock.release(1.0).motion(&drive.wave(), 1.5 * drive.period_s);
-            let figures = orbit_figures(&rock, &drive, &drive.wave(), &orbit);
+            let figures = orbit_figures(&rock, &drive, &orbit);
             let stepped = stepped_peak(&rock, &drive);
             println!("{blocks:2} {:?} e {:.2}: {stepped:?}", block, rock.restitution);
             assert_eq!(figures[2].reference.is_some(), stepped.is_some(), "{rock:?}");

@@ -1,7 +1,5 @@
 //! Parameters of a machine that the user may set: `--set duty=0.55`.
 
-use std::str::FromStr;
-
 use super::LabFault;
 use upm_core::document::one_of;
 
@@ -51,23 +49,21 @@ pub struct SettingInfo {
     pub range: [f64; 2],
 }
 
-/// A value for a parameter, as typed on the command line: `duty=0.55`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SettingAssignment {
-    /// Name of the parameter.
-    pub key: String,
-    /// Value in the key's unit.
-    pub value: f64,
+/// Key and `N` numbers of `KEY=NUMBER:...`.
+pub(super) fn key_and_numbers<const N: usize>(text: &str) -> Option<(String, [f64; N])> {
+    let (key, numbers) = text.split_once('=')?;
+    let numbers = numbers.split(':').map(|number| number.trim().parse().ok()).collect::<Option<Vec<f64>>>()?;
+    Some((key.trim().to_owned(), numbers.try_into().ok()?))
 }
 
-impl FromStr for SettingAssignment {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parts = text.split_once('=').and_then(|(key, value)| Some((key.trim(), value.trim().parse().ok()?)));
-        let (key, value) = parts.ok_or_else(|| format!("expected KEY=NUMBER, found {text:?}"))?;
-        Ok(Self { key: key.to_owned(), value })
-    }
+/// Key and value of an assignment as typed on the command line, `duty=0.55`, in the key's unit.
+///
+/// # Errors
+///
+/// Another form.
+pub(super) fn assignment(text: &str) -> Result<(String, f64), String> {
+    let (key, [value]) = key_and_numbers(text).ok_or_else(|| format!("expected KEY=NUMBER, found {text:?}"))?;
+    Ok((key, value))
 }
 
 impl<M> Setting<M> {
@@ -99,17 +95,6 @@ impl<M> Setting<M> {
     }
 }
 
-/// Descriptions of `settings` with their values in `machine`.
-pub(super) fn infos<M: Clone>(settings: &[Setting<M>], machine: &M) -> Vec<SettingInfo> {
-    let info = |setting: &Setting<M>| SettingInfo {
-        key: setting.key,
-        about: setting.about,
-        usual: setting.value(&mut machine.clone()),
-        range: setting.range,
-    };
-    settings.iter().map(info).collect()
-}
-
 /// The parameter called `key`.
 ///
 /// # Errors
@@ -132,10 +117,10 @@ pub(super) fn find<'a, M>(settings: &'a [Setting<M>], key: &str) -> Result<&'a S
 pub(super) fn assigned<M: Clone>(
     settings: &[Setting<M>],
     machine: &M,
-    assignments: &[SettingAssignment],
+    assignments: &[(String, f64)],
 ) -> Result<M, LabFault> {
     let mut machine = machine.clone();
-    for SettingAssignment { key, value } in assignments {
+    for (key, value) in assignments {
         find(settings, key)?.set(&mut machine, *value)?;
     }
     Ok(machine)
@@ -158,7 +143,7 @@ mod tests {
     const PRESS: Press = Press { stroke_m: 0.01, blows: 2 };
 
     fn set(texts: &[&str]) -> Result<Press, String> {
-        let assignments: Result<Vec<SettingAssignment>, String> = texts.iter().map(|text| text.parse()).collect();
+        let assignments: Result<Vec<_>, String> = texts.iter().map(|text| assignment(text)).collect();
         assigned(SETTINGS, &PRESS, &assignments?).map_err(|fault| fault.to_string())
     }
 
@@ -166,7 +151,7 @@ mod tests {
     fn values_are_set_in_the_units_of_their_keys() {
         assert_eq!(set(&["stroke_mm=4", "blows=3"]), Ok(Press { stroke_m: 0.004, blows: 3 }));
         assert_eq!(set(&["blows = 3", "blows=4"]).map(|press| press.blows), Ok(4), "the later one");
-        let usual: Vec<f64> = infos(SETTINGS, &PRESS).iter().map(|info| info.usual).collect();
+        let usual: Vec<f64> = SETTINGS.iter().map(|setting| setting.value(&mut PRESS.clone())).collect();
         assert_eq!(usual, [10.0, 2.0]);
     }
 

@@ -11,7 +11,7 @@ use upm_core::geometry::Twist;
 use upm_core::random::Streams;
 use upm_core::rig::{Rig, RigModel};
 use upm_core::signal::{AccelTrace, Drive, Envelope, Frame};
-use upm_perception::estimation::AxisPhasors;
+use upm_perception::estimation::{AccelerometerPair, AxisPhasors, TwistFit, fit_twist};
 use upm_planning::cor_library::Entry;
 use upm_sim::{Plant, SimRig};
 
@@ -47,6 +47,13 @@ impl BarePlate {
         Ok(self.rig.trace())
     }
 
+    /// Plays a pulse; returns the motion that the accelerometers read.
+    pub fn read(&mut self, what: &str, drive: &Drive, sensors: &AccelerometerPair) -> Result<TwistFit, LabFault> {
+        let trace = self.play(drive)?;
+        let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, sensors);
+        fit.map_err(|fault| LabFault::Rig(format!("{what}: {fault}")))
+    }
+
     /// The axes' response as determined by calibration.
     pub fn axes(&mut self) -> Result<Axes, LabFault> {
         self.calibrated(|session, params| session.axes(params))
@@ -67,14 +74,9 @@ impl BarePlate {
         measure: impl FnOnce(CalibrationSession<'_>, &CalibrationParams) -> Result<T, CalibrationFault>,
     ) -> Result<T, LabFault> {
         let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
-        measure(CalibrationSession::new(&mut self.rig, &self.model, &stop, &mut |_| ()), &params).map_err(lab_fault)
-    }
-}
-
-fn lab_fault(fault: CalibrationFault) -> LabFault {
-    match fault {
-        CalibrationFault::Trace { what, fault } => LabFault::Trace { what, fault },
-        other => LabFault::Rig(other.to_string()),
+        let mut quiet = |_| ();
+        let session = CalibrationSession::new(&mut self.rig, &self.model, &stop, &mut quiet);
+        measure(session, &params).map_err(|fault| LabFault::Rig(fault.to_string()))
     }
 }
 

@@ -1,11 +1,11 @@
 //! One parameter over a range, its points in parallel: `--sweep duty=0.5:1:26`.
 
-use std::str::FromStr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use parking_lot::Mutex;
 
+use super::settings::key_and_numbers;
 use super::{DataSheet, ExperimentResult, Figure, LabFault};
 use upm_chart::{Chart, Color};
 
@@ -26,23 +26,21 @@ pub struct Sweep {
     pub points: usize,
 }
 
-impl FromStr for Sweep {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
+impl Sweep {
+    /// The sweep as typed on the command line: `duty=0.5:1:26`.
+    ///
+    /// # Errors
+    ///
+    /// Another form.
+    pub fn parse(text: &str) -> Result<Self, String> {
         let parse = || {
-            let (key, range) = text.split_once('=')?;
-            let mut parts = range.split(':').map(str::trim);
-            let (from, to, points) = (parts.next()?, parts.next()?, parts.next()?);
-            let ends = [from.parse().ok()?, to.parse().ok()?];
-            let points = points.parse().ok().filter(|points| (2..=MOST_POINTS).contains(points))?;
-            parts.next().is_none().then(|| Self { key: key.trim().to_owned(), ends, points })
+            let (key, [from, to, points]) = key_and_numbers(text)?;
+            let is_allowed = points.fract() == 0.0 && (2.0..=MOST_POINTS as f64).contains(&points);
+            is_allowed.then_some(Self { key, ends: [from, to], points: points as usize })
         };
         parse().ok_or_else(|| format!("expected KEY=FROM:TO:POINTS with 2 to {MOST_POINTS} points, found {text:?}"))
     }
-}
 
-impl Sweep {
     /// Values of the parameter at all points.
     pub fn values(&self) -> Vec<f64> {
         let ([from, to], last) = (self.ends, (self.points - 1) as f64);
@@ -62,30 +60,22 @@ impl Sweep {
     ) -> Result<ExperimentResult, LabFault> {
         let values = self.values();
         let found = parallel(&values, progress, |&value| measure(value));
-        let Some(names) = found.iter().flatten().map(|outcome| &outcome.figures).next() else {
+        let Some(first) = found.iter().flatten().next() else {
             return Err(found.into_iter().find_map(Result::err).unwrap_or(LabFault::Setting("no points".into())));
         };
-        let names: Vec<Figure> = names.clone();
         let mut sheet = DataSheet::new([self.key.as_str()], values.iter().map(|&value| vec![value]).collect());
         let mut charts = Vec::new();
-        for (i, figure) in names.iter().enumerate() {
-            let at = |found: &Result<ExperimentResult, LabFault>| {
-                found.as_ref().ok().and_then(|found| found.figures.get(i).cloned())
-            };
-            let column: Vec<Option<Figure>> = found.iter().map(at).collect();
-            sheet.add(&heading(figure), column.iter().map(|figure| figure.as_ref().map(|figure| figure.measured)));
+        for (i, figure) in first.figures.iter().enumerate() {
+            let column: Vec<Option<&Figure>> = found.iter().map(|found| found.as_ref().ok()?.figures.get(i)).collect();
+            sheet.add(&heading(figure), column.iter().map(|figure| Some(figure.as_ref()?.measured)));
             if figure.reference.is_some() {
                 let name = format!("{}: reference", heading(figure));
-                sheet.add(&name, column.iter().map(|figure| figure.as_ref().and_then(|figure| figure.reference)));
+                sheet.add(&name, column.iter().map(|figure| figure.as_ref()?.reference));
             }
             charts.push(self.chart(i, figure, &values, &column));
         }
-        Ok(ExperimentResult {
-            notes: self.notes(&values, &found),
-            charts,
-            sheet: Some(sheet),
-            ..ExperimentResult::default()
-        })
+        let (notes, sheet) = (self.notes(&values, &found), Some(sheet));
+        Ok(ExperimentResult { notes, charts, sheet, ..ExperimentResult::default() })
     }
 
     /// Notes of the points and reasons of those that fail; neighbours that say the same share a line.
@@ -107,10 +97,10 @@ impl Sweep {
         lines.into_iter().map(line).collect()
     }
 
-    fn chart(&self, index: usize, figure: &Figure, values: &[f64], column: &[Option<Figure>]) -> Chart {
+    fn chart(&self, index: usize, figure: &Figure, values: &[f64], column: &[Option<&Figure>]) -> Chart {
         let points = |of: fn(&Figure) -> Option<f64>| {
             let pairs = values.iter().zip(column);
-            pairs.filter_map(move |(&x, figure)| Some([x, of(figure.as_ref()?)?])).collect::<Vec<_>>()
+            pairs.filter_map(move |(&x, figure)| Some([x, of((*figure)?)?])).collect::<Vec<_>>()
         };
         let reference = points(|figure| figure.reference);
         let name = format!("sweep-{}-{}", self.key, index + 1);

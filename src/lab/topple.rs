@@ -12,7 +12,8 @@ pub use self::published::reproduce;
 use self::trials::{Band, TrialScatter, band};
 use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
-use super::{ExperimentResult, Figure, LabFault};
+use super::texts::{chart, figures};
+use super::{ExperimentResult, LabFault};
 use upm_chart::{Chart, Color};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -69,29 +70,27 @@ pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, Lab
     let pivot = peg.pivot(topple.ledge_m).ok_or_else(|| too_high(topple, &peg))?;
     let (exact_mps, simulated_mps) = (pivot.critical_mps(), pivot.simulated_critical_mps());
     let trials = |critical_mps| band(&topple.scatter, critical_mps, &Streams::new(topple.seed.into()));
-    let found = trials(simulated_mps);
+    let band = trials(simulated_mps);
     let holds = |pivot: &Pivot| pivot.rise()[0] >= pivot.rise()[1];
-    let source = "Singer and Seering, Eq. 2.3";
-    let alone = |name: &str, unit: &str, value: f64| Figure::alone(name, unit, value, "15 trials a speed");
-    let mut figures = vec![
-        Figure::alone("least speed that topples the part, simulated", "mm/s", mm_from_m(simulated_mps), source)
-            .with(holds(&pivot).then_some(mm_from_m(exact_mps))),
-        alone("highest speed at which none fell", "mm/s", mm_from_m(found.none_mps)),
-        alone("lowest speed at which all fell", "mm/s", mm_from_m(found.all_mps)),
-        alone("middle of these two", "mm/s", mm_from_m(found.middle_mps())),
-        alone("their distance over their middle", "%", 100.0 * found.width()),
-    ];
-    let mut bands = vec![("this orientation", pivot, found)];
+    let mut found = figures([
+        ("least speed that topples the part, simulated", mm_from_m(simulated_mps)),
+        ("highest speed at which none fell", mm_from_m(band.none_mps)),
+        ("lowest speed at which all fell", mm_from_m(band.all_mps)),
+        ("middle of these two", mm_from_m(band.middle_mps())),
+        ("their distance over their middle", 100.0 * band.width()),
+    ])
+    .to_vec();
+    found[0].reference = holds(&pivot).then_some(mm_from_m(exact_mps));
+    let mut bands = vec![("this orientation", pivot, band)];
     if let Some(other) = peg.toppled().pivot(topple.ledge_m) {
         let other_mps = other.critical_mps();
-        figures.push(Figure::alone("the same for the other orientation", "mm/s", mm_from_m(other_mps), source));
         bands.push(("other orientation", other, trials(other_mps)));
         let [slow, fast] = if other_mps > exact_mps { [0, 1] } else { [1, 0] }.map(|i: usize| &bands[i].2);
-        let source = "Fig. 2b: all of one orientation fall, none of the other";
-        let window = [("from", slow.all_mps), ("to", fast.none_mps)];
-        figures.extend(window.map(|(end, speed_mps)| {
-            Figure::alone(format!("window that tells the two apart, {end}"), "mm/s", mm_from_m(speed_mps), source)
-        }));
+        found.extend(figures([
+            ("the same for the other orientation", mm_from_m(other_mps)),
+            ("window that tells the two apart, from", mm_from_m(slow.all_mps)),
+            ("window that tells the two apart, to", mm_from_m(fast.none_mps)),
+        ]));
     }
     let note = |(name, pivot, _): &(&str, Pivot, Band)| {
         format!(
@@ -102,7 +101,7 @@ pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, Lab
         )
     };
     let notes = bands.iter().filter(|(_, pivot, _)| !holds(pivot)).map(note).collect();
-    Ok(ExperimentResult { figures, notes, charts: vec![trials_chart(&bands)], ..ExperimentResult::default() })
+    Ok(ExperimentResult { figures: found, notes, charts: vec![trials_chart(&bands)], ..ExperimentResult::default() })
 }
 
 fn too_high(topple: &Topple, peg: &Peg) -> LabFault {
@@ -115,16 +114,11 @@ fn too_high(topple: &Topple, peg: &Peg) -> LabFault {
 
 /// The velocity line of Fig. 2b: the trials of each orientation about its critical speed.
 fn trials_chart(bands: &[(&str, Pivot, Band)]) -> Chart {
-    let title = "Share of fifteen parts that fall at the ledge (Fig. 2b)";
-    let mut chart = Chart::plot("topple-trials", title, ["speed of the belt (mm/s)", "share that falls"]);
+    let mut chart = chart("topple-trials");
     for (i, (name, pivot, band)) in bands.iter().enumerate() {
-        let exact = mm_from_m(pivot.critical_mps());
+        let exact = [0.0, 1.0].map(|share| [mm_from_m(pivot.critical_mps()), share]);
         let shares = band.shares.iter().map(|&[mps, share]| [mm_from_m(mps), share]);
-        chart = chart.dashes(&format!("{name}: Eq. 2.3"), Color::nth(i), [[exact, 0.0], [exact, 1.0]]).dots(
-            "",
-            Color::nth(i),
-            shares,
-        );
+        chart = chart.dashes(&format!("{name}: Eq. 2.3"), Color::nth(i), exact).dots("", Color::nth(i), shares);
     }
     chart
 }
@@ -132,10 +126,10 @@ fn trials_chart(bands: &[(&str, Pivot, Band)]) -> Chart {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{SettingAssignment, assigned};
+    use crate::settings::{assigned, assignment};
 
     fn set(text: &str) -> Result<ExperimentResult, LabFault> {
-        let assignments: Vec<SettingAssignment> = text.split_whitespace().map(|one| one.parse().unwrap()).collect();
+        let assignments: Vec<_> = text.split_whitespace().map(|one| assignment(one).unwrap()).collect();
         measure(&assigned(SETTINGS, &Topple::published(), &assignments)?, &|_| ())
     }
 

@@ -1,6 +1,4 @@
 use std::f64::consts::TAU;
-use std::fmt;
-use std::str::FromStr;
 
 use nalgebra::Vector3;
 use rand::RngExt;
@@ -15,44 +13,20 @@ const FREE_SHARE: f64 = 0.03;
 /// Largest fraction of the frame's height or width that the table's outline may take up.
 const LARGEST_SHARE: f64 = 0.955;
 
-/// Families of scenes by difficulty.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Difficulty {
-    /// Four kinds of black parts on a white plate, tilted and distorted, no noise, even light, blur 0.8 px.
-    Clean,
-    /// The clean scene of the same seed with noise of 8 levels, blur 1.5 px, light that falls off by 40 %.
-    Rough,
-    /// Table from 40 to 95 % of the frame's height, tilt to 10°, turn to 40°, light that falls off by up to 50 %, noise
-    /// to 8 levels, both polarities; reliefs, glints, objects on the ground, part of one side hidden, each in some
-    /// scenes.
-    Hard,
-    /// The papers' table: 8 in, 16 pennies, seen straight from above by an ideal lens of 4 picture widths focal length.
-    Papers,
-}
-
-impl Difficulty {
-    /// All difficulties.
-    pub const ALL: [Self; 4] = [Self::Clean, Self::Rough, Self::Hard, Self::Papers];
-}
-
-impl fmt::Display for Difficulty {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Clean => "clean",
-            Self::Rough => "rough",
-            Self::Hard => "hard",
-            Self::Papers => "papers",
-        })
-    }
-}
-
-impl FromStr for Difficulty {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let names = Self::ALL.map(|difficulty| difficulty.to_string());
-        let found = names.iter().position(|known| known == name).map(|i| Self::ALL[i]);
-        found.ok_or_else(|| format!("expected one of {}, found {name:?}", names.join(", ")))
+upm_core::coded_enum! {
+    /// Families of scenes by difficulty.
+    pub enum Difficulty {
+        /// Four kinds of black parts on a white plate, tilted and distorted, no noise, even light, blur 0.8 px.
+        Clean = "clean",
+        /// The clean scene of the same seed with noise of 8 levels, blur 1.5 px, light that falls off by 40 %.
+        Rough = "rough",
+        /// Table from 40 to 95 % of the frame's height, tilt to 10°, turn to 40°, light that falls off by up to 50 %,
+        /// noise to 8 levels, both polarities; reliefs, glints, objects on the ground, part of one side hidden, each in
+        /// some scenes.
+        Hard = "hard",
+        /// The papers' table: 8 in, 16 pennies, seen straight from above by an ideal lens of 4 picture widths focal
+        /// length.
+        Papers = "papers",
     }
 }
 
@@ -66,7 +40,7 @@ impl Scene {
             Difficulty::Clean | Difficulty::Rough => {
                 scene.draw_levels(&mut stream("clean levels"));
                 scene.draw_view(&mut stream("clean view"), [0.6, 0.95], 5.0, [1.5, 3.5]);
-                scene.draw_parts(&mut stream("clean parts"));
+                scene.draw_parts(&mut stream("clean parts"), None);
                 if difficulty == Difficulty::Rough {
                     (scene.noise_sd, scene.blur_px, scene.shading) = (8.0, 1.5, 0.4);
                     scene.shading_direction_rad = stream("rough light").within(0.0, TAU);
@@ -76,7 +50,7 @@ impl Scene {
                 scene.draw_hard_light(&mut stream("hard light"));
                 scene.draw_view(&mut stream("hard view"), [0.4, 0.95], 10.0, [1.2, 4.0]);
                 scene.draw_occluders(&mut stream("hard covers"));
-                scene.draw_parts(&mut stream("hard parts"));
+                scene.draw_parts(&mut stream("hard parts"), None);
                 scene.draw_clutter(&mut stream("hard strays"));
                 scene.draw_faces(&mut stream("hard faces"));
             }
@@ -88,7 +62,7 @@ impl Scene {
                 scene.hang(sampler.within(0.7, 0.9), [sampler.around(1.0), sampler.around(1.0)]);
                 (scene.noise_sd, scene.shading) = (2.0, 0.15);
                 scene.shading_direction_rad = sampler.within(0.0, TAU);
-                scene.draw_pennies(&mut stream("papers parts"), 16);
+                scene.draw_parts(&mut stream("papers parts"), Some(16));
             }
         }
         scene
@@ -224,7 +198,7 @@ mod tests {
                 let [width, height] = scene.size_px.map(|n| n as f64);
                 for p in scene.table_outline_px() {
                     let margin = p.x.min(p.y).min(width - 1.0 - p.x).min(height - 1.0 - p.y);
-                    assert!(margin > 0.012 * height, "{difficulty} {}: {margin} px", scene.seed);
+                    assert!(margin > 0.012 * height, "{difficulty:?} {}: {margin} px", scene.seed);
                 }
                 let corners = scene.corners_px();
                 let side_px = (0..4).map(|i| (corners[(i + 1) % 4] - corners[i]).norm()).sum::<f64>() / 4.0;
@@ -233,11 +207,11 @@ mod tests {
                 assert!((-axis.z).acos().to_degrees() < most_tilt + 1e-6);
                 let [a, b, c, d] = corners;
                 let right = b - a + c - d;
-                assert!(right.y.atan2(right.x).to_degrees().abs() < 45.0, "{difficulty} {}", scene.seed);
+                assert!(right.y.atan2(right.x).to_degrees().abs() < 45.0, "{difficulty:?} {}", scene.seed);
             }
             let (smallest, largest) = shares.iter().fold((1.0f64, 0.0f64), |(a, b), &s| (a.min(s), b.max(s)));
-            assert!(smallest > least - 0.005 && smallest < least + 0.1, "{difficulty}: {smallest}");
-            assert!(largest > 0.88 && largest < 0.955, "{difficulty}: {largest}");
+            assert!(smallest > least - 0.005 && smallest < least + 0.1, "{difficulty:?}: {smallest}");
+            assert!(largest > 0.88 && largest < 0.955, "{difficulty:?}: {largest}");
         }
     }
 

@@ -26,26 +26,14 @@ pub fn kinds() -> Vec<PartKind> {
 }
 
 impl Scene {
-    /// 1 to 40 parts of any kind; in most scenes some of them touch.
-    pub(super) fn draw_parts(&mut self, sampler: &mut SceneSampler) {
-        let (touching, count) = (sampler.chance(0.75), 1 + sampler.one_of(MOST_PARTS));
-        self.put_parts(sampler, count, touching, |sampler| sampler.one_of(COINS.len()));
-    }
-
-    /// `count` pennies, some of them touching.
-    pub(super) fn draw_pennies(&mut self, sampler: &mut SceneSampler, count: usize) {
-        self.put_parts(sampler, count, true, |_| 0);
-    }
-
-    fn put_parts(
-        &mut self,
-        sampler: &mut SceneSampler,
-        count: usize,
-        touching: bool,
-        kind: impl Fn(&mut SceneSampler) -> usize,
-    ) {
+    /// So many pennies, some of them touching; without a number 1 to 40 parts of any kind, which touch in most scenes.
+    pub(super) fn draw_parts(&mut self, sampler: &mut SceneSampler, pennies: Option<usize>) {
+        let (touching, count) = match pennies {
+            Some(count) => (true, count),
+            None => (sampler.chance(0.75), 1 + sampler.one_of(MOST_PARTS)),
+        };
         for _ in 0..count {
-            let kind = kind(sampler);
+            let kind = if pennies.is_some() { 0 } else { sampler.one_of(COINS.len()) };
             let (_, radius_mm, thickness_mm) = COINS[kind];
             let radius_m = radius_mm * 1e-3;
             let place =
@@ -55,10 +43,9 @@ impl Scene {
             }
         }
         // Tops lean away from below the camera, over the feet of parts farther out.
-        let out = |part: &SceneDisc| (part.at_m - self.camera_m.xy()).norm();
-        let mut parts = self.parts.clone();
-        parts.sort_by(|a, b| out(b).total_cmp(&out(a)));
-        self.parts = parts;
+        let below_camera_m = self.camera_m.xy();
+        let out = |part: &SceneDisc| (part.at_m - below_camera_m).norm();
+        self.parts.sort_by(|a, b| out(b).total_cmp(&out(a)));
     }
 
     /// A position beside another part, near the plate's edge or anywhere.
@@ -103,13 +90,13 @@ mod tests {
             for scene in (0..100).map(|seed| Scene::generate(difficulty, seed)) {
                 for (i, part) in scene.parts.iter().enumerate() {
                     let to_edge = scene.side_m / 2.0 - part.at_m.amax() - part.radius_m;
-                    assert!(to_edge >= 0.0, "{difficulty} {}", scene.seed);
+                    assert!(to_edge >= 0.0, "{difficulty:?} {}", scene.seed);
                     at_edge += usize::from(to_edge < 5e-4);
                     let apart = |other: &SceneDisc| (other.at_m - part.at_m).norm() >= other.radius_m + part.radius_m;
-                    assert!(scene.parts[..i].iter().all(apart), "{difficulty} {}", scene.seed);
+                    assert!(scene.parts[..i].iter().all(apart), "{difficulty:?} {}", scene.seed);
                     let clear =
                         |cover: &super::super::ClutterShape| cover.shape.depth(part.at_m) < -part.radius_m - 1e-3;
-                    assert!(scene.occluders.iter().all(clear), "{difficulty} {}", scene.seed);
+                    assert!(scene.occluders.iter().all(clear), "{difficulty:?} {}", scene.seed);
                     let kind = &kinds()[part.kind];
                     assert_eq!((part.radius_m, part.thickness_m), (kind.radius_m, kind.thickness_m));
                 }
@@ -119,7 +106,7 @@ mod tests {
             }
             assert!(
                 with_touching >= 50 && at_edge > 30 && parts > 1200,
-                "{difficulty}: {with_touching} {at_edge} {parts}"
+                "{difficulty:?}: {with_touching} {at_edge} {parts}"
             );
         }
     }

@@ -11,7 +11,7 @@ const CEILINGS: [(&str, usize); 15] = [
     ("control", 4280),
     ("core", 2400),
     ("fixtures", 370),
-    ("lab", 7100),
+    ("lab", 6345),
     ("perception", 5080),
     ("planning", 6580),
     ("qp", 90),

@@ -1,5 +1,5 @@
 use super::marks;
-use super::text::{LABEL_PX, text, text_lines, text_width_px};
+use super::text::{LABEL_PX, text, text_width_px};
 use crate::{Layer, Mark};
 
 const ROW_PX: f64 = 22.0;
@@ -13,56 +13,37 @@ const APART_PX: f64 = 20.0;
 const CIRCLE_PX: f64 = 6.0;
 
 /// Legend: samples and labels of the marks in rows below the plot.
-pub(super) struct Legend {
-    items: Vec<Item>,
-    rows: usize,
+pub(super) struct Legend<'a> {
+    /// Layers with a label, each with the upper left corner of its item, px.
+    items: Vec<(&'a Layer, [f64; 2])>,
 }
 
-struct Item {
-    /// The label; more than one line where it is longer than the picture is wide.
-    lines: Vec<String>,
-    layer: Layer,
-    row: usize,
-    left_px: f64,
-}
-
-impl Legend {
+impl<'a> Legend<'a> {
     /// Labels of `layers` that have one, in rows of `width_px`.
-    pub fn of(layers: &[Layer], width_px: f64) -> Self {
-        let (mut row, mut rows, mut left_px) = (0, 0, 0.0);
-        let mut items: Vec<Item> = Vec::new();
-        for layer in layers {
-            let lines = text_lines(&layer.label, LABEL_PX, width_px - SAMPLE_PX - GAP_PX);
-            if lines.is_empty() {
-                continue;
-            }
-            let longest_px = lines.iter().map(|line| text_width_px(line, LABEL_PX)).fold(0.0, f64::max);
-            let wide_px = SAMPLE_PX + GAP_PX + longest_px;
+    pub fn of(layers: &'a [Layer], width_px: f64) -> Self {
+        let (mut items, mut left_px, mut top_px) = (Vec::new(), 0.0, 0.0);
+        for layer in layers.iter().filter(|layer| !layer.label.is_empty()) {
+            let wide_px = SAMPLE_PX + GAP_PX + text_width_px(&layer.label, LABEL_PX);
             if left_px > 0.0 && left_px + wide_px > width_px {
-                (row, left_px) = (rows, 0.0);
+                (left_px, top_px) = (0.0, top_px + ROW_PX);
             }
-            rows = rows.max(row + lines.len());
-            items.push(Item { lines, layer: Layer { points: Vec::new(), ..layer.clone() }, row, left_px });
+            items.push((layer, [left_px, top_px]));
             left_px += wide_px + APART_PX;
         }
-        Self { items, rows }
+        Self { items }
     }
 
     /// Height of all its rows, px.
     pub fn height_px(&self) -> f64 {
-        ROW_PX * self.rows as f64
+        self.items.last().map_or(0.0, |(_, [_, top_px])| top_px + ROW_PX)
     }
 
     /// The legend with its upper left corner at `left_px`, `top_px`.
     pub fn draw(&self, [left_px, top_px]: [f64; 2]) -> String {
-        let middle = |row: usize| top_px + ROW_PX * (row as f64 + 0.5);
-        let item = |item: &Item| {
-            let left_px = left_px + item.left_px;
-            let label = |(i, line): (usize, &String)| {
-                text([left_px + SAMPLE_PX + GAP_PX, middle(item.row + i)], LABEL_PX, "start", "", line)
-            };
-            let labels: String = item.lines.iter().enumerate().map(label).collect();
-            sample(&item.layer, [left_px, left_px + SAMPLE_PX], middle(item.row)) + &labels
+        let item = |(layer, [x, y]): &(&Layer, [f64; 2])| {
+            let (left_px, middle_px) = (left_px + x, top_px + y + 0.5 * ROW_PX);
+            let label = text([left_px + SAMPLE_PX + GAP_PX, middle_px], LABEL_PX, "start", "", &layer.label);
+            sample(layer, [left_px, left_px + SAMPLE_PX], middle_px) + &label
         };
         self.items.iter().map(item).collect()
     }

@@ -179,7 +179,7 @@ fn names(frame: &PlotFrame, points: &[[f64; 2]], (texts, radii, colors): (&[Stri
         .unzip();
     let bounds = [0, 1].map(|axis| [frame.corner_px[axis], frame.corner_px[axis] + frame.size_px[axis]]);
     let places = place_labels(&discs, bounds);
-    places.iter().zip(words).map(|(place, (text, color))| word(place.center, "middle", text, color)).collect()
+    places.iter().zip(words).map(|(place, (text, color))| word(*place, "middle", text, color)).collect()
 }
 
 /// Text beside a point, on its right and above where `free` says so, turned to the other side where it would leave the

@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::svg;
-use crate::{Axis, AxisScale, Chart, Color, Layer, Mark};
+use crate::{Axis, Chart, Color, Layer, Mark};
 
 fn chart(map: bool, layers: Vec<Layer>) -> Chart {
     let (x, y) = (Axis::new("x (mm)"), Axis::new("y (mm)"));
@@ -215,7 +215,7 @@ proptest! {
         let mut chart = chart(map, layers);
         chart.x.range = ranged.then_some([low, high]);
         if log {
-            (chart.x.scale, chart.y.scale) = (AxisScale::Log, AxisScale::Log);
+            (chart.x.is_log, chart.y.is_log) = (true, true);
         }
         tags(&svg(&chart));
     }

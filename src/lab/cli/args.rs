@@ -60,9 +60,6 @@ pub struct ExperimentArgs {
     /// Folder that plots go into
     #[arg(long, value_name = "DIR", default_value = "runs/lab")]
     pub out: PathBuf,
-    /// One file for all plots, besides the folder
-    #[arg(long, value_name = "FILE.svg")]
-    pub plot: Option<PathBuf>,
 }
 
 /// `upm-lab scene`.

@@ -7,11 +7,13 @@ use super::args::SceneArgs;
 use super::failure::Failure;
 use upm_core::units::mm_from_m;
 use upm_runner::config::{RigFile, RigSpec};
-use upm_scene::{Scene, kinds};
+use upm_scene::{Difficulty, Scene, kinds};
 
 /// Draws a scene: its picture, and the files of truth and rig that are asked for; returns the truth as JSON.
 pub fn draw(args: &SceneArgs, json: bool) -> Result<String, Failure> {
-    let difficulty = args.family.parse().map_err(Failure::bad_input)?;
+    let families = Difficulty::ALL.map(Difficulty::code).join(", ");
+    let difficulty = Difficulty::of_code(&args.family)
+        .ok_or_else(|| Failure::bad_input(format!("expected one of {families}, found {:?}", args.family)))?;
     let scene = Scene::generate(difficulty, args.seed);
     let (frame, truth) = (scene.frame(), format!("{:#}\n", truth(&scene)));
     GrayImage::from_raw(frame.width as u32, frame.height as u32, frame.pixels)

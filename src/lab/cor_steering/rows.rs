@@ -1,13 +1,15 @@
 //! The rows of the UPM paper's Table 1, and their readings by the accelerometers of a rig.
 
-use super::vectors::Vectors;
+use nalgebra::Complex;
+
+use crate::pulses::envelope;
 use crate::shaken::BarePlate;
 use crate::{LabFault, LabRig};
 use upm_control::calibration::Axes;
 use upm_core::geometry::Vec2;
-use upm_core::signal::Envelope;
+use upm_core::signal::Drive;
 use upm_core::units::INCH_M;
-use upm_perception::estimation::{AccelerometerPair, fit_twist};
+use upm_perception::estimation::{AccelerometerPair, TwistFit};
 use upm_planning::cor_library::AxisShape;
 
 /// One row of the paper's Table 1.
@@ -65,35 +67,27 @@ pub fn read_rows(lab: &LabRig) -> Result<Reads, LabFault> {
     if unit < 1 {
         return Err(LabFault::Rig(format!("{}: its motors' limit leaves no amplitude for Table 1", lab.model.name)));
     }
-    let mut read = |shapes: &[AxisShape; 3]| -> Result<Vec<ReadRow>, LabFault> {
-        ROWS.iter()
-            .map(|row| {
-                let drive = lab.drive_around(row.amplitudes.map(|a| a * unit), shapes, envelope(lab));
-                let trace = plate.play(&drive)?;
-                let what = || format!("row {}", row.name);
-                let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, &sensors)
-                    .map_err(|fault| LabFault::Trace { what: what(), fault })?;
-                let center_m =
-                    fit.pump.center_of_rotation().ok_or_else(|| LabFault::Rig(format!("{}: no spin", what())))?;
-                Ok(ReadRow { center_m, vectors: Vectors::of(&fit, sensors.position_m) })
-            })
-            .collect()
+    let mut read = |row: &TableRow, shapes: &[AxisShape; 3]| {
+        let (what, drive) = (format!("row {}", row.name), drive(lab, row, unit, shapes));
+        let fit = plate.read(&what, &drive, &sensors)?;
+        let center_m = fit.pump.center_of_rotation().ok_or_else(|| LabFault::Rig(format!("{what}: no spin")))?;
+        Ok(ReadRow { center_m, vectors: Vectors::of(&fit, sensors.position_m) })
     };
-    let (compensated, plain) = (read(&axes.shapes)?, read(&[AxisShape::FREE_MASS; 3])?);
+    let compensated = ROWS.iter().map(|row| read(row, &axes.shapes)).collect::<Result<_, LabFault>>()?;
+    let plain = ROWS.iter().map(|row| read(row, &[AxisShape::FREE_MASS; 3])).collect::<Result<_, LabFault>>()?;
     Ok(Reads { unit, compensated, plain })
 }
 
-fn envelope(lab: &LabRig) -> Envelope {
-    let sustain_s = SUSTAIN_S.min(lab.model.max_sustain_s);
-    Envelope { attack_s: lab.model.attack_s, sustain_s, rest_s: lab.model.rest_s }
+fn drive(lab: &LabRig, row: &TableRow, unit: i32, shapes: &[AxisShape; 3]) -> Drive {
+    let envelope = envelope(lab, SUSTAIN_S.min(lab.model.max_sustain_s));
+    lab.drive_around(row.amplitudes.map(|a| a * unit), shapes, envelope)
 }
 
 /// The paper's unit, or the largest with which every row stays within the motors' limit, with both waveforms.
 fn unit_within_limits(lab: &LabRig, axes: &Axes) -> i32 {
-    let peak = |row: &TableRow, shapes: &[AxisShape; 3]| {
-        lab.drive_around(row.amplitudes.map(|a| a * UNIT), shapes, envelope(lab)).peak_counts()
-    };
-    let peaks = ROWS.iter().flat_map(|row| [peak(row, &axes.shapes), peak(row, &[AxisShape::FREE_MASS; 3])]);
+    let peaks = ROWS.iter().flat_map(|row| {
+        [axes.shapes, [AxisShape::FREE_MASS; 3]].map(|shapes| drive(lab, row, UNIT, &shapes).peak_counts())
+    });
     let room = EFFORT * lab.model.count_limit / peaks.fold(f64::MIN_POSITIVE, f64::max);
     (f64::from(UNIT) * room.min(1.0)) as i32
 }
@@ -112,4 +106,52 @@ pub fn compares_with_paper(lab: &LabRig) -> bool {
 pub fn eq_15(lab: &LabRig, row: &TableRow) -> Vec2 {
     let [x1, x2, y1, y2] = row.amplitudes.map(f64::from);
     Vec2::new(y2 - y1, x1 - x2) * (kappa_m(lab) / ((y1 + y2) - (x1 + x2)))
+}
+
+/// First harmonic of the acceleration at each of two accelerometers, m/s², with the signs of one common instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vectors {
+    /// Positions of the accelerometers, m.
+    pub places_m: [Vec2; 2],
+    pub accel_mps2: [Vec2; 2],
+}
+
+impl Vectors {
+    /// Vectors of a fit; `place_m` is the first accelerometer's position, the second is opposite.
+    pub fn of(fit: &TwistFit, place_m: Vec2) -> Self {
+        let phasors = fit.accel_mps2.map(|[c1, s1, ..]| Complex::new(c1, -s1));
+        // a rigid plate's channels oscillate in phase or in antiphase: squares add up whatever their signs
+        let common = phasors.iter().map(|phasor| phasor * phasor).sum::<Complex<f64>>().sqrt();
+        let turn = common.conj() / common.norm().max(f64::MIN_POSITIVE);
+        let [x1, y1, x2, y2] = phasors.map(|phasor| (phasor * turn).re);
+        Self { places_m: [place_m, -place_m], accel_mps2: [Vec2::new(x1, y1), Vec2::new(x2, y2)] }
+    }
+
+    /// Largest distance of `center_m` from the two perpendiculars, m.
+    pub fn off_m(&self, center_m: Vec2) -> f64 {
+        let off = |i: usize| {
+            let accel = self.accel_mps2[i];
+            (center_m - self.places_m[i]).dot(&accel).abs() / accel.norm().max(f64::MIN_POSITIVE)
+        };
+        off(0).max(off(1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::lab_rig;
+    use upm_core::geometry::cross;
+
+    #[test]
+    fn vectors_are_perpendicular_to_the_way_from_the_centre_and_turn_the_same_way() {
+        let lab = lab_rig("upm-1");
+        let reads = read_rows(&lab).unwrap();
+        for (TableRow { name, .. }, read) in ROWS.iter().zip(&reads.compensated) {
+            let off_m = read.vectors.off_m(read.center_m);
+            assert!(off_m < 2e-3, "row {name}: {off_m}");
+            let turn = |i: usize| cross(read.vectors.places_m[i] - read.center_m, read.vectors.accel_mps2[i]);
+            assert!(turn(0) * turn(1) > 0.0, "row {name}: {read:?}");
+        }
+    }
 }

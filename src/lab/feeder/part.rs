@@ -1,6 +1,6 @@
 //! A point part on the feeder's plate, simulated from event to event: exact to rounding.
 
-use super::plate::{AccelerationSegment, PlateCycle};
+use super::plate::PlateCycle;
 use crate::LabFault;
 
 /// Cycles after which a part that has not settled is assumed never to settle.
@@ -20,21 +20,19 @@ pub struct Sliding {
 }
 
 /// A part after one cycle.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeederCycle {
     pub speed_mps: f64,
     pub way_m: f64,
-    /// Time and speed at every event, s and m/s.
-    pub events: Vec<[f64; 2]>,
 }
 
 impl Sliding {
     /// One cycle of `plate`, starting at `speed_mps`.
     pub fn cycle(&self, plate: &PlateCycle, speed_mps: f64) -> FeederCycle {
         let no_slip_mps = NO_SLIP * plate.accel_mps2 * plate.period_s;
-        let mut now = FeederCycle { speed_mps, way_m: 0.0, events: vec![[0.0, speed_mps]] };
-        let (mut plate_mps, mut t_s) = (0.0, 0.0);
-        for AccelerationSegment { accel_mps2, length_s } in plate.stretches() {
+        let mut now = FeederCycle { speed_mps, way_m: 0.0 };
+        let mut plate_mps = 0.0;
+        for [accel_mps2, length_s] in plate.stretches() {
             let mut left_s = length_s;
             // at most: slide, catch up, slide on or ride along
             while left_s > 0.0 {
@@ -50,8 +48,7 @@ impl Sliding {
                 if until_s < left_s {
                     now.speed_mps = plate_mps;
                 }
-                (left_s, t_s) = (left_s - step_s, t_s + step_s);
-                now.events.push([t_s, now.speed_mps]);
+                left_s -= step_s;
             }
         }
         now

@@ -12,13 +12,6 @@ pub struct PlateCycle {
     pub duty: f64,
 }
 
-/// A stretch of constant acceleration.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AccelerationSegment {
-    pub accel_mps2: f64,
-    pub length_s: f64,
-}
-
 impl PlateCycle {
     /// Length of the trapezoid's top: `P = T sqrt(2 d - 1)` (Eq. 1), s, for which the mean displacement is zero.
     pub fn top_s(&self) -> f64 {
@@ -45,11 +38,10 @@ impl PlateCycle {
         0.25 * self.accel_mps2 * self.back_s().powi(2)
     }
 
-    /// The cycle from rest, rising.
-    pub fn stretches(&self) -> [AccelerationSegment; 4] {
+    /// Accelerations, m/s², and lengths, s, of the stretches of the cycle, from rest, rising.
+    pub fn stretches(&self) -> [[f64; 2]; 4] {
         let (a, flank_s, half_back_s) = (self.accel_mps2, self.flank_s(), 0.5 * self.back_s());
-        [(a, flank_s), (0.0, self.top_s()), (-a, flank_s + half_back_s), (a, half_back_s)]
-            .map(|(accel_mps2, length_s)| AccelerationSegment { accel_mps2, length_s })
+        [[a, flank_s], [0.0, self.top_s()], [-a, flank_s + half_back_s], [a, half_back_s]]
     }
 }
 
@@ -63,7 +55,7 @@ mod tests {
         fn cycle_ends_at_rest_where_it_began(accel in 1.0..1e3f64, period_s in 1e-3..0.1f64, duty in 0.5..1.0f64) {
             let plate = PlateCycle { accel_mps2: accel, period_s, duty };
             let (mut t_s, mut speed_mps, mut place_m, mut highest_mps) = (0.0, 0.0, 0.0, 0.0f64);
-            for AccelerationSegment { accel_mps2, length_s } in plate.stretches() {
+            for [accel_mps2, length_s] in plate.stretches() {
                 place_m += (speed_mps + 0.5 * accel_mps2 * length_s) * length_s;
                 speed_mps += accel_mps2 * length_s;
                 t_s += length_s;

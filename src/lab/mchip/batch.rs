@@ -1,17 +1,18 @@
 //! Many runs on all cores, each summarised as soon as it ends.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 use rand::RngExt;
 
+use super::drive::ResonatorDrive;
 use super::measures::{
-    Arrival, Cluster, Energies, FeedMeasure, Spread, arrivals, clusters, height_m, mean_rate_mps, samples_from,
-    spectrum, strongest_line,
+    Arrival, Cluster, Energies, FeedMeasure, Spread, arrivals, clusters, mean_rate_mps, samples_from, spectrum,
+    strongest_line,
 };
 use super::run::{Run, Setup, Start};
 use crate::sweep::{Progress, parallel};
 use upm_core::random::Streams;
+use upm_core::units::mm_from_m;
 
 /// Time after the drop at which the part has settled, s.
 pub const SETTLED_S: f64 = 0.05;
@@ -21,7 +22,7 @@ const BOUNCE_HZ: [f64; 2] = [100.0, 4_000.0];
 const DRIVE_BAND: f64 = 0.02;
 
 /// A run to simulate.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatchJob {
     pub setup: Setup,
     /// Number of the random start position.
@@ -52,51 +53,57 @@ pub struct Summary {
     pub stays: bool,
 }
 
-/// Runs to simulate together, in named groups.
+/// Runs to simulate together, each with the name of its group.
 #[derive(Clone, Debug, Default)]
-pub struct Batch {
-    jobs: Vec<BatchJob>,
-    groups: BTreeMap<String, Range<usize>>,
-}
+pub struct Batch(Vec<(String, BatchJob)>);
 
 /// Summaries of a batch's runs by its groups.
-pub struct Summaries {
-    all: Vec<Summary>,
-    groups: BTreeMap<String, Range<usize>>,
-}
+pub struct Summaries(BTreeMap<String, Vec<Summary>>);
 
 impl Batch {
-    /// Adds a run of `setup` from each of `starts` starts.
-    pub fn add(&mut self, group: &str, setup: &Setup, starts: u64, until_s: f64) {
-        self.add_pushed(group, setup, starts, until_s, 0.0);
-    }
-
-    /// The same under a force along the feed, N.
-    pub fn add_pushed(&mut self, group: &str, setup: &Setup, starts: u64, until_s: f64, force_n: f64) {
-        let from = self.jobs.len();
-        self.jobs.extend((0..starts).map(|start| BatchJob { setup: setup.clone(), start, until_s, force_n }));
-        self.groups.insert(group.to_owned(), from..self.jobs.len());
+    /// Adds `job` from each of `starts` starts.
+    pub fn add(&mut self, group: &str, starts: u64, job: BatchJob) {
+        self.0.extend((0..starts).map(|start| (group.to_owned(), BatchJob { start, ..job })));
     }
 
     /// Simulates all runs; equal seeds give equal starts, whatever the setup.
     pub fn summaries(self, streams: &Streams, progress: Progress<'_>) -> Summaries {
-        let all = parallel(&self.jobs, progress, |job| Summary::of(&job.run(streams)));
-        Summaries { all, groups: self.groups }
+        let all = parallel(&self.0, progress, |(_, job)| Summary::of(&job.run(streams)));
+        let mut groups: BTreeMap<String, Vec<Summary>> = BTreeMap::new();
+        for ((group, _), summary) in self.0.into_iter().zip(all) {
+            groups.entry(group).or_default().push(summary);
+        }
+        Summaries(groups)
     }
 }
 
 impl Summaries {
     /// Those of a group.
     pub fn of(&self, group: &str) -> &[Summary] {
-        self.groups.get(group).and_then(|range| self.all.get(range.clone())).unwrap_or(&[])
+        self.0.get(group).map_or(&[], Vec::as_slice)
+    }
+
+    /// Mean rate of a group, mm/s.
+    pub fn rate_mm_s(&self, group: &str) -> f64 {
+        mean(self.of(group), |summary| mm_from_m(summary.rate_mps))
+    }
+
+    /// Mean height of a group above rest, µm.
+    pub fn height_um(&self, group: &str) -> f64 {
+        mean(self.of(group), |summary| 1e6 * summary.height_m.mean)
     }
 }
 
 impl BatchJob {
+    /// A run of the paper's device and part without a force.
+    pub fn published(drive: ResonatorDrive, until_s: f64) -> Self {
+        Self { setup: Setup::published(drive), start: 0, until_s, force_n: 0.0 }
+    }
+
     /// Simulates the run, from its drop to its end.
     pub fn run(&self, streams: &Streams) -> Run {
         let mut rng = streams.numbered("mchip", self.start);
-        let mut run = Run::new(self.setup.clone(), &Start::scattered(|| rng.random_range(0.0..1.0)));
+        let mut run = Run::new(self.setup, &Start::scattered(|| rng.random_range(0.0..1.0)));
         if run.advance(SETTLED_S.min(self.until_s)) {
             run.force_n.x = self.force_n;
             run.advance(self.until_s);
@@ -108,11 +115,11 @@ impl BatchJob {
 impl Summary {
     pub fn of(run: &Run) -> Self {
         let samples = samples_from(run, SETTLED_S);
-        let Setup { device, sample_s, .. } = run.setup();
+        let Setup { device, sample_s, .. } = run.setup;
         let arrivals = arrivals(&run.impacts, SETTLED_S, f64::INFINITY);
         let mean = |of: fn(&Arrival) -> f64| Spread::of(arrivals.iter().map(of)).mean;
         let heights_m: Vec<f64> = samples.iter().map(|sample| run.height_m(&sample.state)).collect();
-        let lines = spectrum(&heights_m, *sample_s);
+        let lines = spectrum(&heights_m, sample_s);
         let [from, to] = [1.0 - DRIVE_BAND, 1.0 + DRIVE_BAND].map(|share| share * device.drive_hz);
         Self {
             clusters: clusters(&arrivals, device.drive_hz),
@@ -120,7 +127,7 @@ impl Summary {
             speed_radps: mean(|arrival| arrival.speed_radps),
             rate_mps: mean_rate_mps(samples),
             feed: FeedMeasure::of(samples),
-            height_m: height_m(run, samples),
+            height_m: Spread::of(heights_m.iter().copied()),
             energies: Energies::of(run, samples),
             bounce_line: strongest_line(&lines, BOUNCE_HZ[0], BOUNCE_HZ[1].min(0.9 * device.drive_hz)),
             drive_line: strongest_line(&lines, from, to),
@@ -135,19 +142,12 @@ pub fn mean(summaries: &[Summary], of: impl Fn(&Summary) -> f64) -> f64 {
     if values.is_empty() { f64::NAN } else { values.iter().sum::<f64>() / values.len() as f64 }
 }
 
-/// Median of a figure over several runs.
-pub fn median(summaries: &[Summary], of: impl Fn(&Summary) -> f64) -> f64 {
-    let mut values: Vec<f64> = summaries.iter().map(of).collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-}
-
 /// Mean over several runs of a figure of one cluster.
 pub fn of_cluster(summaries: &[Summary], cluster: usize, of: fn(&Cluster) -> f64) -> f64 {
-    let present = |summary: &Summary| {
-        if summary.clusters[cluster].share > 0.0 { of(&summary.clusters[cluster]) } else { f64::NAN }
-    };
-    mean(summaries, present)
+    mean(summaries, |summary| {
+        let cluster = &summary.clusters[cluster];
+        if cluster.share > 0.0 { of(cluster) } else { f64::NAN }
+    })
 }
 
 /// Number of runs whose longest stall exceeds `least_s`, s.

@@ -57,63 +57,38 @@ impl Outline {
         }
         let (sine, cosine) = angle_rad.sin_cos();
         let raised = |[x, z]: [f64; 2]| axis_m + Vector3::new(x * cosine + z * sine, 0.0, z * cosine - x * sine);
-        self.rim_contacts(raised(self.tip_m), part, pose, found);
         // the foot right under the tip matters where a part meets the slab's end below the rim
-        self.rim_contacts(raised(self.foot_m), part, pose, found);
-        self.slab_contacts(axis_m, [sine, cosine], part, pose, found);
-    }
-
-    /// Contacts of the rim along y, its middle at `middle_m`.
-    fn rim_contacts(&self, middle_m: Vector3<f64>, part: &PartShape, pose: &Isometry3<f64>, found: &mut Vec<Contact>) {
-        let end = |y: f64| pose.inverse_transform_point(&Point3::from(middle_m + Vector3::y() * y));
-        let (from, to) = (end(-self.half_m[1]).coords, end(self.half_m[1]).coords);
-        let half = part.half_m;
-        if from.z.min(to.z) > half.z || from.z.max(to.z) < -half.z - self.rim_m {
-            return;
+        for middle_m in [self.tip_m, self.foot_m].map(raised) {
+            found.extend(self.rim_contacts(middle_m, part.half_m, pose).into_iter().flatten());
         }
-        let along = to - from;
-        // the stretch of the rim beneath the part
-        let at_y = |y: f64| ((y - from.y) / along.y).clamp(0.0, 1.0);
-        let (first, last) = (at_y(-half.y), at_y(half.y));
-        if first == last {
-            return;
-        }
-        for share in [first, last] {
-            let point = from + along * share;
-            if let Some((outward, distance_m)) = touched(&point, &half, self.rim_m) {
-                let normal = -(pose.rotation * outward);
-                let middle_m = pose.transform_point(&Point3::from(point)).coords;
-                found.push(Contact {
-                    point_m: middle_m + normal * self.rim_m,
-                    normal,
-                    depth_m: self.rim_m - distance_m,
-                });
-            }
-        }
-    }
-
-    /// Contacts of the part's bottom corners with the top of the slab.
-    fn slab_contacts(
-        &self,
-        axis_m: Vector3<f64>,
-        [sine, cosine]: [f64; 2],
-        part: &PartShape,
-        pose: &Isometry3<f64>,
-        found: &mut Vec<Contact>,
-    ) {
+        // the part's bottom corners and the top of the slab
         let half = part.half_m;
         for (x, y) in [(-half.x, -half.y), (-half.x, half.y), (half.x, -half.y), (half.x, half.y)] {
             let point_m = pose.transform_point(&Point3::new(x, y, -half.z)).coords;
             let from_axis = point_m - axis_m;
-            if from_axis.y.abs() > self.half_m[1] {
-                continue;
-            }
             let along = from_axis.x * cosine - from_axis.z * sine;
             let above = from_axis.x * sine + from_axis.z * cosine - self.half_m[2];
-            if along.abs() <= self.half_m[0] && above <= 0.0 && above > -self.half_m[2] {
+            let is_over = from_axis.y.abs() <= self.half_m[1] && along.abs() <= self.half_m[0];
+            if is_over && above <= 0.0 && above > -self.half_m[2] {
                 found.push(Contact { point_m, normal: Vector3::new(sine, 0.0, cosine), depth_m: -above });
             }
         }
+    }
+
+    /// Contacts of the rim along y, its middle at `middle_m`, at both ends of its stretch beneath the part.
+    fn rim_contacts(&self, middle_m: Vector3<f64>, half: Vector3<f64>, pose: &Isometry3<f64>) -> [Option<Contact>; 2] {
+        let end = |y: f64| pose.inverse_transform_point(&Point3::from(middle_m + Vector3::y() * y)).coords;
+        let (from, to) = (end(-self.half_m[1]), end(self.half_m[1]));
+        let along = to - from;
+        let [first, last] = [-half.y, half.y].map(|y| ((y - from.y) / along.y).clamp(0.0, 1.0));
+        let is_beneath = from.z.min(to.z) <= half.z && from.z.max(to.z) >= -half.z - self.rim_m && first != last;
+        [first, last].map(|share| {
+            let point = from + along * share;
+            let (outward, distance_m) = touched(&point, &half, self.rim_m).filter(|_| is_beneath)?;
+            let normal = -(pose.rotation * outward);
+            let point_m = pose.transform_point(&Point3::from(point)).coords + normal * self.rim_m;
+            Some(Contact { point_m, normal, depth_m: self.rim_m - distance_m })
+        })
     }
 }
 

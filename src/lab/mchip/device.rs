@@ -11,7 +11,7 @@ pub const SILICON_KGPM3: f64 = 2_330.0;
 
 /// Geometry, mechanics and drive strength of one array. Feed is along +x; the ridge is on the trailing half of every
 /// slab.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Device {
     /// Rows along the feed. Row 0 is the paper's row 1.
     pub rows: usize,
@@ -74,11 +74,6 @@ impl Device {
     /// bouncing are reproduced, but the rate is three times as large, and nothing bounces twice or jams.
     pub fn soft() -> Self {
         Self { natural_hz: 4_000.0, damping_ratio: 0.5, ..Self::published() }
-    }
-
-    /// The designers' nominal drive, 1 kHz and 2°, of the same resonators.
-    pub fn nominal() -> Self {
-        Self { drive_hz: 1_000.0, peak_rad: 2_f64.to_radians(), ..Self::published() }
     }
 
     pub fn slab_mass_kg(&self) -> f64 {

@@ -1,7 +1,7 @@
 //! The torque wave of every row: duty, phase offsets and the strobing of rows (M-Chip paper, section III-A).
 
 /// The drive of an array, and the strobing of its rows: a wave of rows that are off, running against the feed.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ResonatorDrive {
     /// Fraction of a cycle in which the torque is on.
     pub duty: f64,
@@ -13,14 +13,12 @@ pub struct ResonatorDrive {
     pub spacing: u32,
     /// Drive cycles for which a row is off: the paper's γ.
     pub cycles: u32,
-    /// False for an array at rest.
-    pub on: bool,
 }
 
 impl ResonatorDrive {
     /// All rows driven alike, 50 % duty.
     pub fn plain() -> Self {
-        Self { duty: 0.5, row_delay: 0.0, strobe: 0, spacing: 4, cycles: 50, on: true }
+        Self { duty: 0.5, row_delay: 0.0, strobe: 0, spacing: 4, cycles: 50 }
     }
 
     /// The strobing that the paper found best: λ = 4 rows, γ = 50 cycles.
@@ -36,10 +34,10 @@ impl ResonatorDrive {
         (cycles - self.row_delay * row as f64).rem_euclid(1.0) < self.duty
     }
 
-    /// True while `row` is off: the last row first, then the one before it; always in an array at rest.
+    /// True while `row` is off: the last row first, then the one before it.
     pub fn is_off(&self, row: usize, rows: usize, cycles: f64) -> bool {
         let (turn, spacing) = ((cycles / f64::from(self.cycles)) as usize, self.spacing as usize);
-        !self.on || (self.strobe == 1 && (row + turn) % spacing == (rows - 1) % spacing)
+        self.strobe == 1 && (row + turn) % spacing == (rows - 1) % spacing
     }
 }
 

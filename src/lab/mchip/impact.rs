@@ -1,9 +1,8 @@
-//! The impulse of one impact with Coulomb friction: the law of Mirtich's Impulse engine, and a simpler one for
-//! comparison.
+//! The impulse of one impact with Coulomb friction: the law of Mirtich's Impulse engine.
 //!
-//! The contact velocity `u` changes by `K dp`, K being the inverse mass of both bodies at the contact. In the
-//! integrated law the slip may slow down, stop and reverse while the normal impulse grows, and restitution is one of
-//! energy, so that no impact creates energy (Stronge 1990, Mirtich 1996).
+//! The contact velocity `u` changes by `K dp`, K being the inverse mass of both bodies at the contact. The slip may
+//! slow down, stop and reverse while the normal impulse grows, and restitution is one of energy, so that no impact
+//! creates energy (Stronge 1990, Mirtich 1996).
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector3};
 
@@ -20,21 +19,11 @@ const NO_SLIP: f64 = 1e-3;
 /// Least slip, as a share of the approach speed, for limiting the step by the slip's turn.
 const LEAST_TURNED: f64 = 0.01;
 
-/// Law that gives an impact's impulse from the approach.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ImpactLaw {
-    /// Coulomb's law at every moment of the impact, restitution of energy.
-    Integrated,
-    /// Newton's restitution, friction from the initial slip alone: it stops the slip or slides all along.
-    Algebraic,
-}
-
 /// Surface constants of an impact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
     pub friction: f64,
     pub restitution: f64,
-    pub law: ImpactLaw,
 }
 
 /// Collision of two bodies at a point.
@@ -54,13 +43,6 @@ impl Collision {
         if self.velocity_mps.dot(&self.normal) >= 0.0 {
             return Vector3::zeros();
         }
-        match surface.law {
-            ImpactLaw::Integrated => self.integrated(surface),
-            ImpactLaw::Algebraic => self.algebraic(surface),
-        }
-    }
-
-    fn integrated(&self, surface: &Surface) -> Vector3<f64> {
         let normal = self.normal;
         let start_mps = -self.velocity_mps.dot(&normal);
         let least_opening = LEAST_OPENING * normal.dot(&(self.inverse_mass * normal));
@@ -136,26 +118,6 @@ impl Collision {
         if size <= friction { holding } else { holding * (friction / size) }
     }
 
-    fn algebraic(&self, surface: &Surface) -> Vector3<f64> {
-        let (normal, inverse_mass) = (self.normal, self.inverse_mass);
-        let closing = self.velocity_mps.dot(&normal);
-        let slip = self.velocity_mps - normal * closing;
-        // sticking: all slip stopped, Newton's restitution along the normal
-        let wanted = -slip - normal * (closing * (1.0 + surface.restitution));
-        if let Some(mass) = inverse_mass.try_inverse() {
-            let sticking = mass * wanted;
-            let along = sticking.dot(&normal);
-            if along >= 0.0 && (sticking - normal * along).norm() <= surface.friction * along {
-                return sticking;
-            }
-        }
-        let speed = slip.norm();
-        let push = if speed > 0.0 { normal - slip * (surface.friction / speed) } else { normal };
-        let opening = normal.dot(&(inverse_mass * push));
-        let floor = 0.1 * normal.dot(&(inverse_mass * normal));
-        push * (-closing * (1.0 + surface.restitution) / opening.max(floor))
-    }
-
     /// Two unit vectors across the normal.
     fn tangents(&self) -> Matrix3x2<f64> {
         let aside = if self.normal.x.abs() < 0.7 { Vector3::x() } else { Vector3::z() };
@@ -205,7 +167,7 @@ mod tests {
     }
 
     fn surface(friction: f64) -> Surface {
-        Surface { friction, restitution: 0.5, law: ImpactLaw::Integrated }
+        Surface { friction, restitution: 0.5 }
     }
 
     #[test]
@@ -223,24 +185,14 @@ mod tests {
     #[test]
     fn impulse_stays_in_the_friction_cone_and_separates() {
         for friction in [0.0, 0.3, 1.0] {
-            for law in [ImpactLaw::Integrated, ImpactLaw::Algebraic] {
-                for meeting in meetings() {
-                    let impulse = meeting.impulse(&Surface { law, ..surface(friction) });
-                    let along = impulse.dot(&meeting.normal);
-                    let across = (impulse - meeting.normal * along).norm();
-                    assert!(
-                        along > 0.0 && across <= friction * along * (1.0 + 1e-9) + 1e-15 * along,
-                        "{law:?} {meeting:?}"
-                    );
-                    if law == ImpactLaw::Integrated {
-                        let after = meeting.velocity_mps + meeting.inverse_mass * impulse;
-                        assert!(
-                            after.dot(&meeting.normal) > -1e-9,
-                            "{friction} {} {impulse}",
-                            after.dot(&meeting.normal)
-                        );
-                    }
-                }
+            for meeting in meetings() {
+                let impulse = meeting.impulse(&surface(friction));
+                let along = impulse.dot(&meeting.normal);
+                let across = (impulse - meeting.normal * along).norm();
+                let most = friction * along * (1.0 + 1e-9) + 1e-15 * along;
+                assert!(along > 0.0 && across <= most, "{meeting:?}");
+                let after_mps = (meeting.velocity_mps + meeting.inverse_mass * impulse).dot(&meeting.normal);
+                assert!(after_mps > -1e-9, "{friction} {after_mps} {impulse}");
             }
         }
     }
@@ -254,13 +206,11 @@ mod tests {
             velocity_mps: -lever * 300.0,
             normal: Vector3::z(),
         };
-        let integrated = meeting.impulse(&surface(1.0));
-        let algebraic = meeting.impulse(&Surface { law: ImpactLaw::Algebraic, ..surface(1.0) });
+        let impulse = meeting.impulse(&surface(1.0));
         // forward in compression, backward in restitution: (1 - q)/(1 + q), with q near e, corrected for the turn by
         // friction
         let turn: f64 = 1.7e-5 / 1.4e-4;
         let q = 0.5 * ((1.0 + turn) / (1.0 - turn)).sqrt();
-        assert!((integrated.x / integrated.z - (1.0 - q) / (1.0 + q)).abs() < 0.03, "{integrated}");
-        assert!((algebraic.x / algebraic.z - 1.0).abs() < 1e-9, "{algebraic}");
+        assert!((impulse.x / impulse.z - (1.0 - q) / (1.0 + q)).abs() < 0.03, "{impulse}");
     }
 }

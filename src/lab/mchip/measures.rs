@@ -1,6 +1,5 @@
 //! Figures of a run: rates and stalls, height, energies, inter-arrival times, spectrum.
 
-use super::part::PartShape;
 use super::run::{Impact, Run, Sample};
 use upm_core::units::GRAVITY_MPS2;
 use upm_perception::estimation::amplitude_spectrum;
@@ -50,9 +49,14 @@ impl FeedMeasure {
             }
             longest_stall_s = longest_stall_s.max(stall_s);
         }
-        moving.sort_by(f64::total_cmp);
-        Self { moving_mps: moving.get(moving.len() / 2).copied().unwrap_or(f64::NAN), longest_stall_s }
+        Self { moving_mps: median(moving), longest_stall_s }
     }
+}
+
+/// Median of numbers; NaN for none.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// Mean and standard deviation of a quantity.
@@ -70,11 +74,6 @@ impl Spread {
     }
 }
 
-/// Height of the part above rest, m.
-pub fn height_m(run: &Run, samples: &[Sample]) -> Spread {
-    Spread::of(samples.iter().map(|sample| run.height_m(&sample.state)))
-}
-
 /// Energies of a part (Table I, right), J. LinX is that of the motion relative to the drift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Energies {
@@ -86,7 +85,7 @@ pub struct Energies {
 
 impl Energies {
     pub fn of(run: &Run, samples: &[Sample]) -> Self {
-        let part: &PartShape = &run.setup().part;
+        let part = &run.setup.part;
         let drift_mps = mean_rate_mps(samples);
         let weight_n = part.mass_kg * GRAVITY_MPS2;
         let energies_j = |sample: &Sample| {
@@ -164,14 +163,13 @@ pub struct Cluster {
 /// 1.06 drive cycles.
 pub fn clusters(arrivals: &[Arrival], drive_hz: f64) -> [Cluster; 3] {
     [[0.0, 0.3], [0.7, 0.94], [0.94, 1.06]].map(|[from, to]| {
-        let mut inside: Vec<&Arrival> =
+        let inside: Vec<&Arrival> =
             arrivals.iter().filter(|arrival| (from..to).contains(&(arrival.gap_s * drive_hz))).collect();
-        inside.sort_by(|a, b| a.gap_s.total_cmp(&b.gap_s));
         let count = inside.len().max(1) as f64;
         let mean = |of: &dyn Fn(&Arrival) -> f64| inside.iter().map(|arrival| of(arrival)).sum::<f64>() / count;
         Cluster {
             share: inside.len() as f64 / arrivals.len().max(1) as f64,
-            gap_s: inside.get(inside.len() / 2).map_or(f64::NAN, |arrival| arrival.gap_s),
+            gap_s: median(inside.iter().map(|arrival| arrival.gap_s).collect()),
             angle_rad: mean(&|arrival| arrival.angle_rad),
             speed_radps: mean(&|arrival| arrival.speed_radps),
             backward: mean(&|arrival| f64::from(u8::from(arrival.forward_ns < 0.0))),

@@ -1,14 +1,14 @@
 //! The papers' figures of the M-Chip: impacts in clusters, jams and means to free a part, duty, spectrum, energies; the
 //! sweeps are in [`super::sweeps`].
 
-use super::batch::{Batch, BatchJob, Summaries, Summary, jams, mean, median, of_cluster};
+use super::batch::{Batch, BatchJob, Summaries, Summary, jams, mean, of_cluster};
 use super::device::Device;
 use super::drive::ResonatorDrive;
-use super::impact::ImpactLaw;
-use super::measures::{Cluster, Energies};
+use super::measures::{Cluster, Energies, median};
 use super::run::Setup;
 use super::{DYN_N, JAM_S, belt, gap_chart, spectrum_chart, sweeps, track_chart};
 use crate::sweep::Progress;
+use crate::texts::{figure, figures};
 use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color};
 use upm_core::random::Streams;
@@ -65,130 +65,106 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
     Ok(outcome)
 }
 
-/// The paper's drive with this duty.
-fn at_duty(duty: f64, drive: ResonatorDrive) -> Setup {
-    Setup::published(ResonatorDrive { duty, ..drive })
-}
+/// Runs of one kind: group, starts, length, s, and the change of the paper's array with every row alike.
+type ArrayRuns = (&'static str, u64, f64, fn(&mut Setup));
 
 /// Runs of every kind. "plain" ones end before the first jam; the part of "thin" is as thick as 55 µg of silicon.
+const RUNS: [ArrayRuns; 7] = [
+    ("plain", STARTS, SHORT_S, |_| ()),
+    ("plain, long", STARTS, LONG_S, |_| ()),
+    ("short duty", STARTS, LONG_S, |setup| setup.drive.duty = SHORT_DUTY),
+    ("strobed", STARTS, LONG_S, |setup| setup.drive = ResonatorDrive::strobed()),
+    ("strobed, short duty", FEW, LONG_S, |setup| (setup.drive.strobe, setup.drive.duty) = (1, SHORT_DUTY)),
+    ("soft", FEW, LONG_S, |setup| setup.device = Device::soft()),
+    ("thin", FEW, LONG_S, |setup| (setup.drive.strobe, setup.part.half_m.z) = (1, 0.5 * THIN_M)),
+];
+
 fn add_runs(batch: &mut Batch) {
-    let (plain, strobed) = (Setup::published(ResonatorDrive::plain()), Setup::published(ResonatorDrive::strobed()));
-    batch.add("plain", &plain, STARTS, SHORT_S);
-    batch.add("plain, long", &plain, STARTS, LONG_S);
-    batch.add("short duty", &at_duty(SHORT_DUTY, ResonatorDrive::plain()), STARTS, LONG_S);
-    batch.add("strobed", &strobed, STARTS, LONG_S);
-    batch.add("strobed, short duty", &at_duty(SHORT_DUTY, ResonatorDrive::strobed()), FEW, LONG_S);
+    for (group, starts, until_s, change) in RUNS {
+        let mut job = BatchJob::published(ResonatorDrive::plain(), until_s);
+        change(&mut job.setup);
+        batch.add(group, starts, job);
+    }
     for row_delay in OFFSETS {
-        let setup = Setup::published(ResonatorDrive { row_delay, ..ResonatorDrive::plain() });
-        batch.add(&format!("offset {row_delay}"), &setup, FEW, LONG_S);
+        let drive = ResonatorDrive { row_delay, ..ResonatorDrive::plain() };
+        batch.add(&format!("offset {row_delay}"), FEW, BatchJob::published(drive, LONG_S));
     }
     for cycles in TURNS {
-        let setup = Setup::published(ResonatorDrive { cycles, ..ResonatorDrive::strobed() });
-        batch.add(&format!("turn {cycles}"), &setup, FEW, 2.0 * SHORT_S);
+        let drive = ResonatorDrive { cycles, ..ResonatorDrive::strobed() };
+        batch.add(&format!("turn {cycles}"), FEW, BatchJob::published(drive, 2.0 * SHORT_S));
     }
-    for duty in [0.5, SHORT_DUTY] {
-        let setup = at_duty(duty, ResonatorDrive::plain());
-        let nominal = Setup { device: Device::nominal(), sample_s: 1e-4, ..setup };
-        batch.add(&format!("nominal {duty}"), &nominal, FEW, 2.0 * SHORT_S);
-    }
-    batch.add("soft", &Setup { device: Device::soft(), ..plain.clone() }, FEW, LONG_S);
-    let mut thin = strobed;
-    thin.part.half_m.z = 0.5 * THIN_M;
-    batch.add("thin", &thin, FEW, LONG_S);
-    batch.add("algebraic", &Setup { law: ImpactLaw::Algebraic, ..plain }, FEW, SHORT_S);
 }
 
 /// Times between contacts, and differences between double bounces and the others.
-fn impacts(summaries: &[Summary], how: &str) -> Vec<Figure> {
-    const SOURCE: &str = "M-Chip paper, Fig. 7";
-    let gap = |cluster: usize, name: &str, paper_ms: f64, accepted: [f64; 2]| {
-        let gap_ms = 1e3 * of_cluster(summaries, cluster, |of| of.gap_s);
-        Figure::against(format!("{how}: {name}"), "ms", gap_ms, paper_ms, SOURCE).judged(accepted)
-    };
-    let ratio = |name: &str, of: fn(&Cluster) -> f64, paper: &str, accepted: [f64; 2]| {
-        let value = of_cluster(summaries, 0, of) / of_cluster(summaries, 2, of);
-        Figure::alone(format!("{how}: {name}"), "1", value, paper).judged(accepted)
-    };
-    let share = |cluster: usize, name: &str| {
-        let value = mean(summaries, |summary| summary.clusters[cluster].share);
-        Figure::alone(format!("{how}: {name}, of all contacts"), "1", value, "ten starts")
-    };
-    let backward = of_cluster(summaries, 0, |of| of.backward);
-    vec![
-        gap(0, "gap before a double bounce", 0.02, [0.015, 0.03]),
-        gap(1, "gap after one", 0.18, [0.165, 0.195]),
-        gap(2, "gap of bounces once a cycle", 0.2, [0.195, 0.205]),
-        share(0, "double bounces"),
-        share(2, "bounces once a cycle"),
-        ratio("angle at a double bounce over that of others", |of| of.angle_rad, "lower", [0.0, 0.995]),
-        ratio("angular speed at one over that of others", |of| of.speed_radps, "much lower", [0.0, 0.5]),
-        Figure::alone(format!("{how}: double bounces that push backward"), "1", backward, "most").judged([0.5, 1.0]),
-    ]
+fn impacts(summaries: &[Summary], how: &str) -> [Figure; 8] {
+    let gap_ms = |cluster: usize| 1e3 * of_cluster(summaries, cluster, |of| of.gap_s);
+    let share = |cluster: usize| mean(summaries, |summary| summary.clusters[cluster].share);
+    let ratio = |of: fn(&Cluster) -> f64| of_cluster(summaries, 0, of) / of_cluster(summaries, 2, of);
+    figures([
+        ("{}: gap before a double bounce", gap_ms(0)),
+        ("{}: gap after one", gap_ms(1)),
+        ("{}: gap of bounces once a cycle", gap_ms(2)),
+        ("{}: double bounces, of all contacts", share(0)),
+        ("{}: bounces once a cycle, of all contacts", share(2)),
+        ("{}: angle at a double bounce over that of others", ratio(|of| of.angle_rad)),
+        ("{}: angular speed at one over that of others", ratio(|of| of.speed_radps)),
+        ("{}: double bounces that push backward", of_cluster(summaries, 0, |of| of.backward)),
+    ])
+    .map(|figure| figure.of(how))
 }
 
 /// Contacts at a shorter duty, compared with the paper's.
-fn short_duty(plain: &[Summary], strobed: &[Summary]) -> Vec<Figure> {
-    let [doubles, strobed] = [plain, strobed].map(|of| mean(of, |summary| summary.clusters[0].share));
-    let backward = of_cluster(plain, 2, |of| of.backward);
-    vec![
-        Figure::against("36 % duty: double bounces, of all contacts", "1", doubles, 0.0, "M-Chip paper: none")
-            .judged([0.0, 0.02]),
-        Figure::alone("36 % duty: contacts once a cycle that push backward", "1", backward, "M-Chip paper: about half")
-            .judged([0.4, 0.6]),
-        Figure::alone("36 % duty, strobed: double bounces, of all contacts", "1", strobed, "parked rows brake"),
-    ]
+fn short_duty(plain: &[Summary], strobed: &[Summary]) -> [Figure; 3] {
+    let doubles = |summaries| mean(summaries, |summary| summary.clusters[0].share);
+    figures([
+        ("36 % duty: double bounces, of all contacts", doubles(plain)),
+        ("36 % duty: contacts once a cycle that push backward", of_cluster(plain, 2, |of| of.backward)),
+        ("36 % duty, strobed: double bounces, of all contacts", doubles(strobed)),
+    ])
 }
 
 /// Rates, jams, and means to free a part.
-fn feed(runs: &Summaries) -> Vec<Figure> {
-    let moving = |summaries: &[Summary]| mm_from_m(mean(summaries, |summary| summary.feed.moving_mps));
-    let rate = |summaries: &[Summary]| mm_from_m(mean(summaries, |summary| summary.rate_mps));
-    let longest_ms = |summaries: &[Summary]| 1e3 * mean(summaries, |summary| summary.feed.longest_stall_s);
-    let (plain, strobed, short) = (runs.of("plain, long"), runs.of("strobed"), runs.of("short duty"));
-    let offsets: f64 = OFFSETS.iter().map(|delay| jams(runs.of(&format!("offset {delay}")), JAM_S)).sum();
+fn feed(runs: &Summaries) -> [Figure; 11] {
+    let moving = |group: &str| mm_from_m(mean(runs.of(group), |summary| summary.feed.moving_mps));
+    let longest_ms = |group: &str| 1e3 * mean(runs.of(group), |summary| summary.feed.longest_stall_s);
+    let jams = |group: &str| jams(runs.of(group), JAM_S);
     let gain = |with: f64, without: f64| 100.0 * (with / without - 1.0);
-    let percent = |name: &str, value: f64| Figure::alone(name, "%", value, "20 to 40 %").judged([20.0, 40.0]);
-    let turns = TURNS.map(|cycles| rate(runs.of(&format!("turn {cycles}"))));
-    let best =
-        TURNS.iter().zip(&turns).max_by(|a, b| a.1.total_cmp(b.1)).map_or(f64::NAN, |(turn, _)| f64::from(*turn));
-    let against = |name: &str, unit: &str, value: f64, paper: f64, accepted: [f64; 2]| {
-        Figure::against(name, unit, value, paper, "M-Chip paper, III").judged(accepted)
-    };
-    vec![
-        against("50 % duty: rate while it moves", "mm/s", moving(plain), 0.8, [0.6, 1.0]),
-        against("starts that jam within 1 s, of ten", "1", jams(plain, JAM_S), STARTS as f64, [8.0, 10.0]),
-        Figure::alone("longest jam", "ms", longest_ms(plain), "runs of 1.05 s"),
-        against("starts that jam with offsets between rows, of 12", "1", offsets, 12.0, [9.0, 12.0]),
-        against("strobed, λ = 4, γ = 50: rate", "mm/s", rate(strobed), 0.8, [0.6, 1.0]),
-        against("strobed: starts that jam, of ten", "1", jams(strobed, JAM_S), 0.0, [0.0, 1.0]),
-        Figure::alone("strobed: longest stop", "ms", longest_ms(strobed), "M-Chip paper: short").judged([0.0, 100.0]),
-        against("strobed: γ with the highest rate, of 20 to 100", "1", best, 50.0, [37.0, 63.0]),
-        against("36 % duty: rate while it moves", "mm/s", moving(short), 1.05, [0.75, 1.38]),
-        percent("gain of rate by 36 % duty while it moves", gain(moving(short), moving(plain))),
-        percent("the same, strobed", gain(rate(runs.of("strobed, short duty")), rate(strobed))),
-    ]
+    let turns = TURNS.map(|cycles| (f64::from(cycles), runs.rate_mm_s(&format!("turn {cycles}"))));
+    let best = turns.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(f64::NAN, |(cycles, _)| cycles);
+    let strobed = ["strobed, short duty", "strobed"].map(|group| runs.rate_mm_s(group));
+    figures([
+        ("50 % duty: rate while it moves", moving("plain, long")),
+        ("starts that jam within 1 s, of ten", jams("plain, long")),
+        ("longest jam", longest_ms("plain, long")),
+        (
+            "starts that jam with offsets between rows, of 12",
+            OFFSETS.map(|delay| jams(&format!("offset {delay}"))).iter().sum(),
+        ),
+        ("strobed, λ = 4, γ = 50: rate", strobed[1]),
+        ("strobed: starts that jam, of ten", jams("strobed")),
+        ("strobed: longest stop", longest_ms("strobed")),
+        ("strobed: γ with the highest rate, of 20 to 100", best),
+        ("36 % duty: rate while it moves", moving("short duty")),
+        ("gain of rate by 36 % duty while it moves", gain(moving("short duty"), moving("plain, long"))),
+        ("the same, strobed", gain(strobed[0], strobed[1])),
+    ])
 }
 
 /// The part's height and its spectrum.
-fn bouncing(summaries: &[Summary], how: &str) -> Vec<Figure> {
-    const FIG_9: &str = "M-Chip paper, IV-A";
-    let ratio = median(summaries, |summary| summary.bounce_line[1] / summary.drive_line[1]);
-    let hz = |name: &str, of: fn(&Summary) -> f64, paper_hz, accepted| {
-        Figure::against(format!("{how}: {name}"), "Hz", median(summaries, of), paper_hz, FIG_9).judged(accepted)
-    };
-    let alone =
-        |name: &str, unit: &str, value: f64, source: &str| Figure::alone(format!("{how}: {name}"), unit, value, source);
-    let off_harmonic = median(summaries, |summary| {
+fn bouncing(summaries: &[Summary], how: &str) -> [Figure; 5] {
+    let median = |of: fn(&Summary) -> f64| median(summaries.iter().map(of).collect());
+    let off_harmonic = median(|summary| {
         let orders = summary.bounce_line[0] / STROBE_HZ;
         STROBE_HZ * (orders - orders.round()).abs()
     });
-    vec![
-        hz("line of the bouncing", |of| of.bounce_line[0], 360.0, [240.0, 480.0]),
-        alone("distance of that line from a harmonic of 25 Hz", "Hz", off_harmonic, "lines 1 Hz apart; by chance 6"),
-        hz("line of the drive", |of| of.drive_line[0], 5_000.0, [4_990.0, 5_010.0]),
-        alone("the first over the second", "1", ratio, "5 of the paper's line at 360 Hz"),
-        alone("height above rest", "µm", 1e6 * mean(summaries, |of| of.height_m.mean), "9.3 by PotZ at 550 µg"),
-    ]
+    figures([
+        ("{}: line of the bouncing", median(|of| of.bounce_line[0])),
+        ("{}: distance of that line from a harmonic of 25 Hz", off_harmonic),
+        ("{}: line of the drive", median(|of| of.drive_line[0])),
+        ("{}: the first over the second", median(|of| of.bounce_line[1] / of.drive_line[1])),
+        ("{}: height above rest", 1e6 * mean(summaries, |of| of.height_m.mean)),
+    ])
+    .map(|figure| figure.of(how))
 }
 
 /// Energies per degree of freedom, compared with Table I.
@@ -214,56 +190,38 @@ fn energies(summaries: &[Summary]) -> DataSheet {
 
 /// Other models and devices, for comparison.
 fn beside(runs: &Summaries) -> Vec<Figure> {
-    let rate = |group: &str| mm_from_m(mean(runs.of(group), |summary| summary.rate_mps));
-    let rate_alone = |name: &str, group: &str, source: &str| Figure::alone(name, "mm/s", rate(group), source);
-    let strobed = runs.of("strobed");
-    let share = mean(strobed, |summary| {
+    let potential = mean(runs.of("strobed"), |summary| {
         let Energies { each, drift_j } = &summary.energies;
         each[6].mean / (drift_j + each.iter().map(|one| one.mean).sum::<f64>())
     });
-    let roll = |summaries: &[Summary], i: usize| {
-        let angular = |i: usize| mean(summaries, |summary| summary.energies.each[i].mean);
-        angular(i) / angular(4)
-    };
+    let angular = |group: &str, axis: usize| mean(runs.of(group), |summary| summary.energies.each[axis].mean);
+    let over_pitch = |group: &str, axis: usize| angular(group, axis) / angular(group, 4);
     let paper_share = TABLE[6][0] / TABLE.iter().map(|row| row[0]).sum::<f64>();
-    let [sinks, bounces] = [1e6 * belt::depth_m(), belt::bounce_hz()];
-    let slope = mm_from_m(belt::slope_mpspn()) * DYN_N;
-    let nominal = "the designers' device, 1 kHz and 2°: no figure";
-    let soft_jams = jams(runs.of("soft"), JAM_S);
-    let table = "Impulse paper, Table I";
-    vec![
-        Figure::against("PotZ, of all energy, strobed", "1", share, paper_share, table).judged([0.8, 1.0]),
-        Figure::against("AngX over AngY, strobed", "1", roll(strobed, 3), 1.03, table).judged([0.5, 2.0]),
-        Figure::against("the same, part of 51 µm", "1", roll(runs.of("thin"), 3), 1.03, table).judged([0.5, 2.0]),
-        Figure::against("AngZ over AngY, strobed", "1", roll(strobed, 5), 0.013, table).judged([0.0, 0.05]),
-        rate_alone("nominal device, 50 % duty: rate", "nominal 0.5", nominal),
-        rate_alone("nominal device, 36 % duty: rate", "nominal 0.36", nominal),
-        Figure::against("soft rods: rate", "mm/s", rate("soft"), 0.8, "M-Chip paper, III").judged([0.6, 1.0]),
-        Figure::against("soft rods: starts that jam, of three", "1", soft_jams, 3.0, "M-Chip paper, III")
-            .judged([2.0, 3.0]),
-        rate_alone("rate with algebraic impacts", "algebraic", "friction by the first slip alone"),
-        Figure::against("belt of Fig. 11: bouncing", "Hz", bounces, 370.0, "294 dyn/cm and 55 µg"),
-        Figure::alone("belt of Fig. 11: depth of the part", "µm", sinks, "294 dyn/cm and 55 µg"),
-        Figure::against("belt of Fig. 11: slope of the rate over force", "mm/s/dyn", slope, 19.6, table),
-    ]
+    let mut found = vec![figure("PotZ, of all energy, strobed", potential).with(Some(paper_share))];
+    found.extend(figures([
+        ("AngX over AngY, strobed", over_pitch("strobed", 3)),
+        ("the same, part of 51 µm", over_pitch("thin", 3)),
+        ("AngZ over AngY, strobed", over_pitch("strobed", 5)),
+        ("soft rods: rate", runs.rate_mm_s("soft")),
+        ("soft rods: starts that jam, of three", jams(runs.of("soft"), JAM_S)),
+        ("belt of Fig. 11: bouncing", belt::bounce_hz()),
+        ("belt of Fig. 11: depth of the part", 1e6 * belt::depth_m()),
+        ("belt of Fig. 11: slope of the rate over force", mm_from_m(belt::slope_mpspn()) * DYN_N),
+    ]));
+    found
 }
 
 /// Tracks with and without strobing and on the belt of Fig. 11, contacts at both duties, the spectrum.
-fn charts(streams: &Streams) -> Vec<Chart> {
-    let run = |setup: Setup, until_s| BatchJob { setup, start: 0, until_s, force_n: 0.0 }.run(streams);
-    let plain = run(Setup::published(ResonatorDrive::plain()), LONG_S);
-    let strobed = run(Setup::published(ResonatorDrive::strobed()), LONG_S);
-    let short = run(at_duty(SHORT_DUTY, ResonatorDrive::plain()), SHORT_S);
+fn charts(streams: &Streams) -> [Chart; 4] {
+    let run = |drive, until_s| BatchJob::published(drive, until_s).run(streams);
+    let [plain, strobed] = [ResonatorDrive::plain(), ResonatorDrive::strobed()].map(|drive| run(drive, LONG_S));
     let times_s = (0..=BELT_POINTS).map(|i| LONG_S * i as f64 / BELT_POINTS as f64);
     let way = times_s.map(|t_s| [t_s, mm_from_m(belt::way_m(t_s))]);
-    vec![
-        track_chart("mchip-jam", &[("every row alike", &plain), ("rows strobed", &strobed)]).dashes(
-            "belt of Fig. 11, 1.1 mm/s",
-            Color::Gray,
-            way,
-        ),
+    let jam = track_chart("mchip-jam", &[("every row alike", &plain), ("rows strobed", &strobed)]);
+    [
+        jam.dashes("belt of Fig. 11, 1.1 mm/s", Color::Gray, way),
         gap_chart("mchip-collisions-50", &strobed),
-        gap_chart("mchip-collisions-36", &short),
+        gap_chart("mchip-collisions-36", &run(ResonatorDrive { duty: SHORT_DUTY, ..ResonatorDrive::plain() }, SHORT_S)),
         spectrum_chart(&strobed),
     ]
 }
@@ -277,18 +235,18 @@ mod tests {
     #[test]
     fn figures_of_a_few_runs_are_like_the_papers() {
         let mut batch = Batch::default();
-        batch.add("plain", &Setup::published(ResonatorDrive::plain()), 2, SHORT_S);
-        batch.add("strobed", &Setup::published(ResonatorDrive::strobed()), 2, SHORT_S);
-        batch.add("short", &at_duty(SHORT_DUTY, ResonatorDrive::plain()), 2, SHORT_S);
+        for (group, drive) in [
+            ("plain", ResonatorDrive::plain()),
+            ("strobed", ResonatorDrive::strobed()),
+            ("short", ResonatorDrive { duty: SHORT_DUTY, ..ResonatorDrive::plain() }),
+        ] {
+            batch.add(group, 2, BatchJob::published(drive, SHORT_S));
+        }
         let runs = batch.summaries(&Streams::new(3), &|_| ());
         let [plain, strobed, short] = ["plain", "strobed", "short"].map(|group| runs.of(group));
-        let figures = [
-            impacts(plain, "50 %"),
-            impacts(strobed, "strobed"),
-            short_duty(short, strobed),
-            bouncing(strobed, "strobed"),
-        ];
-        let figures = figures.concat();
+        let impacts = [impacts(plain, "50 %"), impacts(strobed, "strobed")].concat();
+        let others = short_duty(short, strobed).into_iter().chain(bouncing(strobed, "strobed"));
+        let figures: Vec<Figure> = impacts.into_iter().chain(others).collect();
         assert_sources_are_short(&ExperimentResult { figures: figures.clone(), ..ExperimentResult::default() });
         let figure = |name: &str| figures.iter().find(|figure| figure.name == name).unwrap().measured;
         assert!(figure("50 %: double bounces that push backward") > 0.9);

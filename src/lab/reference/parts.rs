@@ -6,6 +6,7 @@ use imageproc::template_matching::{MatchTemplateMethod, match_template_with_mask
 use nalgebra::{Matrix2, Matrix3, Vector3};
 
 use super::ReferenceView;
+use crate::numerics::spread;
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_perception::vision::{Detection, Table};
@@ -36,32 +37,23 @@ pub fn find_parts(view: &ReferenceView, kinds: &[PartKind], dark_parts: bool) ->
     }
     let shrink = ((smallest_px / COARSE_RADIUS_PX) as u32).max(1);
     let small = imageops::thumbnail(&darkness, darkness.width() / shrink, darkness.height() / shrink);
-    let mut candidates: Vec<(f32, Vec2)> = Vec::new();
-    for kind in kinds {
-        let radius_px = kind.radius_m * scale / f64::from(shrink);
-        candidates.extend(peaks(&small, radius_px).into_iter().map(|(value, cell)| {
-            let middle = 0.5 * (f64::from(shrink) - 1.0);
-            (value, cell * f64::from(shrink) + Vec2::repeat(middle))
-        }));
-    }
+    let full_px = |cell: Vec2| cell * f64::from(shrink) + Vec2::repeat(0.5 * (f64::from(shrink) - 1.0));
+    let radii_px = kinds.iter().map(|kind| kind.radius_m * scale / f64::from(shrink));
+    let mut candidates: Vec<(f32, Vec2)> = radii_px.flat_map(|radius_px| peaks(&small, radius_px)).collect();
+    candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
+    // one part is a candidate of several kinds
+    let places = candidates.into_iter().map(|(_, cell)| full_px(cell));
+    let places = spread(places, |other, place| (other - place).norm() > 0.5 * smallest_px);
     let reach_px = f64::from(shrink) + 2.0;
-    let mut found: Vec<Detection> = candidates
-        .iter()
-        .filter_map(|&(_, near)| {
-            let matches = (0..kinds.len()).filter_map(|kind| refined(view, &darkness, kinds, kind, near, reach_px));
-            matches.max_by(|a, b| a.score.total_cmp(&b.score))
-        })
-        .collect();
+    let best = |near: Vec2| {
+        let matches = (0..kinds.len()).filter_map(|kind| refined(view, &darkness, kinds, kind, near, reach_px));
+        matches.max_by(|a, b| a.score.total_cmp(&b.score))
+    };
+    let mut found: Vec<Detection> = places.into_iter().filter_map(best).collect();
     found.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.center_px.y.total_cmp(&b.center_px.y)));
-    let mut kept: Vec<Detection> = Vec::new();
-    for part in found {
-        let clear = |other: &Detection| {
-            (other.center_px - part.center_px).norm() > LEAST_DISTANCE * (other.radius_px + part.radius_px)
-        };
-        if kept.iter().all(clear) {
-            kept.push(part);
-        }
-    }
+    let mut kept = spread(found, |other: &Detection, part| {
+        (other.center_px - part.center_px).norm() > LEAST_DISTANCE * (other.radius_px + part.radius_px)
+    });
     kept.sort_by(|a, b| a.center_px.y.total_cmp(&b.center_px.y).then(a.center_px.x.total_cmp(&b.center_px.x)));
     kept
 }

@@ -54,6 +54,27 @@ pub struct Motion {
     pub end: End,
 }
 
+impl Motion {
+    /// Time at which it ends, s.
+    pub fn end_s(&self) -> f64 {
+        self.track.last().map_or(f64::NAN, |at| at[0])
+    }
+
+    /// Peak number `i`, rad; NaN where there is none.
+    pub fn peak_rad(&self, i: usize) -> f64 {
+        self.peaks.get(i).map_or(f64::NAN, |peak| peak[1])
+    }
+
+    /// The last peak, rad: 0 for a block that lies flat.
+    pub fn last_peak_rad(&self) -> f64 {
+        match self.end {
+            End::Rocks => self.peaks.last().map_or(f64::NAN, |peak| peak[1]),
+            End::Flat => 0.0,
+            End::Topples | End::Lifts => f64::NAN,
+        }
+    }
+}
+
 /// State of the block `step_s` later, by the fourth-order Runge-Kutta method; `weight_mps2` is `g + ẍ` as a function of
 /// time from the beginning of the step.
 pub fn stepped(block: &Block, turn: BlockTilt, step_s: f64, weight_mps2: impl Fn(f64) -> f64) -> BlockTilt {

@@ -25,14 +25,6 @@ pub struct RockingCycle {
     pub to_rad: f64,
 }
 
-/// Times of a cycle, s.
-#[derive(Clone, Copy, Debug)]
-struct Times {
-    from_s: f64,
-    to_s: f64,
-    period_s: f64,
-}
-
 /// The block's fall to the impact: switching times of the wave, time of the impact, s, and the rotation then.
 #[derive(Clone, Copy, Debug)]
 struct Fall {
@@ -48,7 +40,7 @@ impl RockingCycle {
     pub fn drive(&self) -> Option<Square> {
         let ratio = self.ratio(self.block.lift(0.0, self.peaks_rad[1]))?;
         let excess = |low_mps2: f64| {
-            let Times { from_s, to_s, period_s } = self.times(low_mps2, ratio)?;
+            let [from_s, to_s, period_s] = self.times(low_mps2, ratio)?;
             let (up, down) = (ratio * low_mps2 - GRAVITY_MPS2, GRAVITY_MPS2 - low_mps2);
             Some(up * (to_s - from_s) - down * (period_s - to_s + from_s))
         };
@@ -58,7 +50,7 @@ impl RockingCycle {
             let middle_mps2 = 0.5 * (few_mps2 + much_mps2);
             *(if excess(middle_mps2)? < 0.0 { &mut few_mps2 } else { &mut much_mps2 }) = middle_mps2;
         }
-        let Times { from_s, to_s, period_s } = self.times(much_mps2, ratio)?;
+        let [from_s, to_s, period_s] = self.times(much_mps2, ratio)?;
         let (up_mps2, down_mps2) = (ratio * much_mps2 - GRAVITY_MPS2, GRAVITY_MPS2 - much_mps2);
         Some(Square { up_mps2, down_mps2, from_s, to_s, period_s })
     }
@@ -90,15 +82,15 @@ impl RockingCycle {
         (is_ordered && given > 0.0 && ratio.is_finite() && ratio > 1.0).then_some(ratio)
     }
 
-    /// Times at which the block passes the tilts at which the wave switches, with `low_mps2` for `g + ẍ` downward.
-    fn times(&self, low_mps2: f64, ratio: f64) -> Option<Times> {
+    /// Times at which the wave turns upward and downward, and the period, s, with `low_mps2` for `g + ẍ` downward.
+    fn times(&self, low_mps2: f64, ratio: f64) -> Option<[f64; 3]> {
         let peak = BlockTilt { tilt_rad: self.peaks_rad[1], speed_radps: 0.0 };
         let Fall { from_s, to_s, impact_s, after } = self.fall(low_mps2, ratio)?;
         if self.to_rad >= 0.0 {
-            return Some(Times { from_s, to_s, period_s: impact_s + self.block.time_s(peak, 0.0, low_mps2)? });
+            return Some([from_s, to_s, impact_s + self.block.time_s(peak, 0.0, low_mps2)?]);
         }
         let to_s = impact_s + self.block.time_s(after, -self.to_rad, ratio * low_mps2)?;
-        Some(Times { from_s, to_s, period_s: to_s + self.block.time_s(peak, -self.to_rad, low_mps2)? })
+        Some([from_s, to_s, to_s + self.block.time_s(peak, -self.to_rad, low_mps2)?])
     }
 
     /// The fall from the peak to the impact.

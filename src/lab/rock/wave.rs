@@ -103,17 +103,6 @@ impl Wave {
         }
         found
     }
-
-    /// Corners of the acceleration over time, s and m/s².
-    pub fn corners(&self) -> Vec<[f64; 2]> {
-        let mut t_s = 0.0;
-        let ends = self.stretches.iter().flat_map(|stretch| {
-            let from_s = t_s;
-            t_s += stretch.length_s;
-            [[from_s, stretch.accel_mps2[0]], [t_s, stretch.accel_mps2[1]]]
-        });
-        ends.collect()
-    }
 }
 
 impl WaveSegment {

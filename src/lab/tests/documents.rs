@@ -297,7 +297,6 @@ fn array_of_resonators_has_the_figures_of_the_lab_page() {
     for (label, measured) in rows {
         page.cell(MACHINES, label, "measured", measured);
     }
-    page.passage("the part runs away at", "mm/s", &[get("rate with algebraic impacts")]);
     page.passage("m = μ z/a:", "dyn at 55 µg", &[mchip.value("the same beside single bounces", "reference")]);
     page.passage("here the part rides at", "µm.", &[get("strobed: height above rest")]);
     page.assert_as_measured();

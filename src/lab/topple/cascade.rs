@@ -13,30 +13,28 @@ use upm_core::random::Streams;
 /// Blocks of a batch.
 const BATCH: u32 = 2_000;
 
-/// A block on the belt: edges along its direction of motion, upright and across, m.
+/// A block on the belt, and its edge across its direction of motion, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Lying {
-    along_m: f64,
-    up_m: f64,
+    peg: Peg,
     across_m: f64,
 }
 
 impl Lying {
     fn critical_mps(&self, ledge_m: f64) -> f64 {
-        let peg = Peg { shape: Shape::BLOCK, length_m: self.along_m, height_m: self.up_m };
-        peg.pivot(ledge_m).map_or(f64::INFINITY, |pivot| pivot.critical_mps())
+        self.peg.pivot(ledge_m).map_or(f64::INFINITY, |pivot| pivot.critical_mps())
     }
 
     fn stands(&self) -> bool {
-        self.up_m > self.along_m
+        self.peg.height_m > self.peg.length_m
     }
 
     fn toppled(self) -> Self {
-        Self { along_m: self.up_m, up_m: self.along_m, ..self }
+        Self { peg: self.peg.toppled(), ..self }
     }
 
     fn turned(self) -> Self {
-        Self { along_m: self.across_m, across_m: self.along_m, ..self }
+        Self { peg: Peg { length_m: self.across_m, ..self.peg }, across_m: self.peg.length_m }
     }
 }
 
@@ -57,12 +55,14 @@ pub struct Cascade {
 /// # Errors
 ///
 /// Blocks so close to a cube that no speed topples standing ones and leaves lying ones.
-pub fn cascade(topple: &Topple, edges_m: [f64; 3], streams: &Streams) -> Result<Cascade, LabFault> {
+pub fn cascade(topple: &Topple, mut edges_m: [f64; 3], streams: &Streams) -> Result<Cascade, LabFault> {
     let ledge_m = topple.ledge_m;
-    let mut edges_m = edges_m;
     edges_m.sort_by(f64::total_cmp);
     let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
-    let lying = orders.map(|[a, b, c]| Lying { along_m: edges_m[a], up_m: edges_m[b], across_m: edges_m[c] });
+    let lying = orders.map(|order| {
+        let [length_m, height_m, across_m] = order.map(|i: usize| edges_m[i]);
+        Lying { peg: Peg { shape: Shape::BLOCK, length_m, height_m }, across_m }
+    });
     let first = window(&lying, ledge_m)?;
     let after = lying.map(|block| if block.stands() { block.toppled() } else { block }.turned());
     let second = window(&after, ledge_m)?;
@@ -71,8 +71,9 @@ pub fn cascade(topple: &Topple, edges_m: [f64; 3], streams: &Streams) -> Result<
 
     let mut rng = streams.stream("cascade of ledges");
     let mut batch: Vec<Lying> = (0..BATCH).map(|_| lying[rng.random_range(0..lying.len())]).collect();
-    let share =
-        |batch: &[Lying]| batch.iter().filter(|block| block.up_m == edges_m[0]).count() as f64 / f64::from(BATCH);
+    let share = |batch: &[Lying]| {
+        batch.iter().filter(|block| block.peg.height_m == edges_m[0]).count() as f64 / f64::from(BATCH)
+    };
     let mut flat = vec![share(&batch)];
     for (i, &speed_mps) in speeds_mps.iter().enumerate() {
         for block in &mut batch {

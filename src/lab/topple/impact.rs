@@ -115,7 +115,7 @@ mod tests {
     #[expect(clippy::print_stdout, reason = "the table, with --nocapture")]
     fn closed_form_of_random_blocks_and_cylinders_is_that_of_time_steps() {
         let mut rng = Streams::new(43).stream("pegs");
-        let (mut worst, mut held) = (0.0f64, 0);
+        let mut held = 0;
         for i in 0..30 {
             let shape = [Shape::BLOCK, Shape::CYLINDER, Shape::LYING_CYLINDER][i % 3];
             let length_m = 10f64.powf(rng.random_range(-3.0..-1.0));
@@ -128,8 +128,8 @@ mod tests {
             let exact_mps = pivot.critical_mps();
             let [slow, fast] = [0.999, 1.001].map(|share| stepped(share * exact_mps));
             assert_eq!([slow[0], fast[0]], [false, true], "{shape:?} {length_m} {height_m} {ledge_m}");
-            let simulated = pivot.simulated_critical_mps();
-            worst = worst.max((simulated / exact_mps - 1.0).abs());
+            let simulated = [0.999, 1.001].map(|share| pivot.topples(share * exact_mps));
+            assert_eq!(simulated, [false, true], "{shape:?} {length_m} {height_m} {ledge_m}");
             let [rise, least] = pivot.rise();
             println!(
                 "{i:2} {shape:?} {length_m:.4} {height_m:.4} {ledge_m:.4} m: {exact_mps:.4} m/s, pulls {}",
@@ -140,7 +140,7 @@ mod tests {
             }
             held += usize::from(rise >= least);
         }
-        println!("{held} of 30 with a reference, largest error of the simulated one {worst:.1e}");
-        assert!(worst < 1e-3 && (15..30).contains(&held), "{worst} {held}");
+        println!("{held} of 30 with a reference");
+        assert!((15..30).contains(&held), "{held}");
     }
 }

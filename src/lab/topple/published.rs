@@ -7,12 +7,13 @@ use super::trials::band;
 use super::{Topple, measure, ratio_of_orientations};
 use crate::numerics::bisect;
 use crate::sweep::{Progress, parallel};
+use crate::texts::{chart, figure, figures};
 use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
-use upm_chart::{Chart, Color};
+use upm_chart::Color;
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
-/// Coefficients of Eq. 2.4, recomputed; the paper prints 2.2 and 1.33.
+/// Coefficients of Eq. 2.4, recomputed.
 const COEFFICIENTS: [f64; 2] = [2.207, 1.332];
 /// Step of the finite differences for them.
 const DELTA: f64 = 1e-3;
@@ -54,9 +55,7 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
     let rows = rows.into_iter().collect::<Result<Vec<_>, _>>()?;
     let same = (rows[1][2] / rows[0][2] - 1.0).abs();
     outcome.sheet = Some(DataSheet::new(columns, rows));
-    let name = "critical speeds of two pegs, one twice as thick, apart by";
-    let source = "two pegs of other size and shape share a speed (Table 1)";
-    outcome.figures.push(Figure::against(name, "1", same, 0.0, source));
+    outcome.figures.push(figure("critical speeds of two pegs, one twice as thick, apart by", same));
     let trials = measure(&peg, &|_| ())?;
     outcome.figures.extend(trials.figures);
     outcome.charts.extend(trials.charts);
@@ -69,17 +68,19 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
 fn orientations() -> ExperimentResult {
     let [less, more] = [-DELTA, DELTA].map(ratio_of_orientations);
     let found = [(more - less) / (2.0 * DELTA), (more - 2.0 + less) / (2.0 * DELTA * DELTA)];
-    let names = ["ratio of the speeds of b x b(1 + δ): coefficient of δ", "the same: coefficient of δ²"];
-    let sources = ["Eq. 2.4; the paper prints 2.2", "Eq. 2.4; the paper prints 1.33"];
-    let figures = (0..2).map(|i| Figure::against(names[i], "1", found[i], COEFFICIENTS[i], sources[i])).collect();
-    let curve: Vec<[f64; 2]> = (0..=100).map(|i| 0.005 * f64::from(i)).map(|d| [d, ratio_of_orientations(d)]).collect();
     let [first, second] = COEFFICIENTS;
+    let curve: Vec<[f64; 2]> = (0..=100).map(|i| 0.005 * f64::from(i)).map(|d| [d, ratio_of_orientations(d)]).collect();
     let power = curve.iter().map(|&[d, _]| [d, 1.0 + first * d + second * d * d]);
-    let title = "Critical speed of a block lying over that of the same block standing (Fig. 2)";
-    let chart = Chart::plot("topple-ratio", title, ["δ, by which one edge is longer", "ratio of the critical speeds"])
-        .dashes("1 + 2.207 δ + 1.332 δ²", Color::Gray, power)
-        .line("closed form (Eq. 2.3)", Color::Blue, curve.iter().copied());
-    ExperimentResult { figures, charts: vec![chart], ..ExperimentResult::default() }
+    let chart = chart("topple-ratio").dashes("1 + 2.207 δ + 1.332 δ²", Color::Gray, power).line(
+        "closed form (Eq. 2.3)",
+        Color::Blue,
+        curve.iter().copied(),
+    );
+    let found = figures([
+        ("ratio of the speeds of b x b(1 + δ): coefficient of δ", found[0]),
+        ("the same: coefficient of δ²", found[1]),
+    ]);
+    ExperimentResult { figures: found.into(), charts: vec![chart], ..ExperimentResult::default() }
 }
 
 /// A cylinder twice as thick as that of `peg` that topples at the same speed.
@@ -99,19 +100,13 @@ fn alike(peg: &Topple) -> Topple {
 fn batch(peg: &Topple, streams: &Streams, outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let found = cascade(peg, BLOCK_M, streams)?;
     let [a, b, c] = BLOCK_M.map(mm_from_m);
-    for (i, share) in found.flat.iter().enumerate() {
-        let name = match i {
-            0 => format!("blocks {a} x {b} x {c} mm on their largest face at first"),
-            _ => format!("the same after ledge {i} at {:.0} mm/s", mm_from_m(found.speeds_mps[i - 1])),
-        };
-        let source = match i {
-            0 => "any of six ways to lie, as likely as each other".to_owned(),
-            _ => {
-                let [low, high] = found.windows_mps[i - 1].map(mm_from_m);
-                format!("window {low:.0} to {high:.0} mm/s; 2,000 blocks")
-            }
-        };
-        outcome.figures.push(Figure::alone(name, "1", *share, &source));
+    let first = figure("blocks {} mm on their largest face at first", found.flat[0]).of(&format!("{a} x {b} x {c}"));
+    outcome.figures.push(first);
+    for (i, (speed_mps, window_mps)) in found.speeds_mps.iter().zip(found.windows_mps).enumerate() {
+        let [low, high] = window_mps.map(mm_from_m);
+        let name = format!("the same after ledge {} at {:.0} mm/s", i + 1, mm_from_m(*speed_mps));
+        let source = format!("window {low:.0} to {high:.0} mm/s; 2,000 blocks");
+        outcome.figures.push(Figure::alone(name, "1", found.flat[i + 1], &source));
     }
     Ok(())
 }

@@ -4,12 +4,12 @@
 
 use std::f64::consts::TAU;
 
-use super::super::pulses::{FINER, SERIES_HZ, calm_envelope, check_carries, place, play, saturation, turn};
+use super::super::pulses::{FINER, Played, SERIES_HZ, calm_envelope, check_carries, mm, play, saturation, turn};
 use super::super::{LabFault, LabRig};
 use super::plan::{CENTERS, PartPositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
-use upm_sim::{OpenLoopTrajectories, OpenPulse};
+use upm_sim::OpenPulse;
 
 /// Sustains measured, from the shortest to the longest one used.
 const SUSTAINS: usize = 17;
@@ -30,20 +30,17 @@ pub struct CalibratedPulses<'a> {
     curves: [[Curve; 2]; CENTERS],
 }
 
-/// Distance against sustain, for one centre and one sense.
+/// Sustains and the distances by them, s and m, for one centre and one sense.
 #[derive(Clone, Default)]
-struct Curve {
-    sustain_s: Vec<f64>,
-    distance_m: Vec<f64>,
-}
+struct Curve(Vec<[f64; 2]>);
 
 impl Curve {
     fn shortest_m(&self) -> f64 {
-        self.distance_m.first().copied().unwrap_or(f64::NAN)
+        self.0.first().map_or(f64::NAN, |point| point[1])
     }
 
     fn longest_m(&self) -> f64 {
-        self.distance_m.last().copied().unwrap_or(f64::NAN)
+        self.0.last().map_or(f64::NAN, |point| point[1])
     }
 
     /// Sustains of the pulses that together carry a part by `distance_m` ≥ 0, all equal. Empty when that is less than
@@ -58,17 +55,12 @@ impl Curve {
 
     /// Linear interpolation between the measured points; the shortest and the longest pulse beyond them.
     fn sustain_for(&self, distance_m: f64) -> f64 {
-        let points = self.sustain_s.windows(2).zip(self.distance_m.windows(2));
-        for (sustain, distance) in points {
-            if distance_m < distance[0] {
-                return sustain[0];
-            }
-            if distance_m <= distance[1] {
-                let along = (distance_m - distance[0]) / (distance[1] - distance[0]);
-                return sustain[0] + along * (sustain[1] - sustain[0]);
-            }
-        }
-        self.sustain_s.last().copied().unwrap_or(0.0)
+        let wanted_m = distance_m.clamp(self.shortest_m(), self.longest_m());
+        let between = self.0.windows(2).find(|pair| wanted_m <= pair[1][1]);
+        between.map_or(f64::NAN, |pair| {
+            let [[from_s, from_m], [to_s, to_m]] = [pair[0], pair[1]];
+            from_s + (wanted_m - from_m) / (to_m - from_m) * (to_s - from_s)
+        })
     }
 }
 
@@ -109,10 +101,8 @@ impl<'a> CalibratedPulses<'a> {
         for i in 0..SUSTAINS {
             let longer_s = LONGER_BY_ATTACKS * self.rig.model.attack_s * i as f64 / (SUSTAINS - 1) as f64;
             let sustain_s = self.shortest_s() + longer_s;
-            let played = self.play(&[middle_m], &[self.pulse(center, sense, sustain_s)])?;
-            let end = played.parts.first().and_then(|part| place(part, part.x_m.len() - 1)).unwrap_or(middle_m);
-            curve.sustain_s.push(sustain_s);
-            curve.distance_m.push(sense * turn(self.centers_m[center], middle_m, end).1);
+            let end_m = self.play(&[middle_m], &[self.pulse(center, sense, sustain_s)])?.end_m(0);
+            curve.0.push([sustain_s, sense * turn(self.centers_m[center], middle_m, end_m).1]);
         }
         if curve.shortest_m() > 0.0 && curve.longest_m() > curve.shortest_m() {
             return Ok(curve);
@@ -129,7 +119,7 @@ impl<'a> CalibratedPulses<'a> {
         OpenPulse::about(self.centers_m[center], sense * self.spin_radps[center], outline)
     }
 
-    fn play(&self, parts_m: &[Vec2], pulses: &[OpenPulse]) -> Result<OpenLoopTrajectories, LabFault> {
+    fn play(&self, parts_m: &[Vec2], pulses: &[OpenPulse]) -> Result<Played, LabFault> {
         play(self.rig, self.mode, parts_m, pulses, SERIES_HZ * FINER as f64)
     }
 
@@ -137,31 +127,19 @@ impl<'a> CalibratedPulses<'a> {
     /// they come to rest.
     pub fn rotate(&self, parts_m: &PartPositions, center: usize, distance_m: f64) -> Result<PartPositions, LabFault> {
         let (sense, curve) = if distance_m < 0.0 { (-1.0, 1) } else { (1.0, 0) };
-        let pulses: Vec<OpenPulse> = self.curves[center][curve]
-            .pulses(distance_m.abs())
-            .into_iter()
-            .map(|sustain_s| self.pulse(center, sense, sustain_s))
-            .collect();
-        if pulses.is_empty() {
+        let sustains_s = self.curves[center][curve].pulses(distance_m.abs());
+        if sustains_s.is_empty() {
             return Ok(*parts_m);
         }
+        let pulses: Vec<OpenPulse> = sustains_s.iter().map(|&s| self.pulse(center, sense, s)).collect();
         let played = self.play(parts_m, &pulses)?;
-        let [first, second] = played.parts.as_slice() else { return Ok(*parts_m) };
-        let both = (0..played.t_s.len()).filter_map(|i| Some([place(first, i)?, place(second, i)?]));
-        let way: Vec<PartPositions> = both.collect();
-        self.check_on_plate(&way)?;
-        Ok(way.last().copied().unwrap_or(*parts_m))
-    }
-
-    fn check_on_plate(&self, way: &[PartPositions]) -> Result<(), LabFault> {
-        let half_side_m = 0.5 * self.rig.sim.plate.side_m;
-        match way.iter().flatten().find(|place| place.amax() >= half_side_m) {
-            None => Ok(()),
-            Some(place) => Err(LabFault::Rig(format!(
-                "a part fell off the plate about ({:.1}, {:.1}) mm",
-                1e3 * place.x,
-                1e3 * place.y
-            ))),
+        let is_off = |place: &&Vec2| place.amax() >= 0.5 * self.rig.sim.plate.side_m;
+        match played.ways_m.iter().flatten().find(is_off) {
+            None => Ok([played.end_m(0), played.end_m(1)]),
+            Some(place) => {
+                let [x, y] = mm(*place);
+                Err(LabFault::Rig(format!("a part fell off the plate about ({x:.1}, {y:.1}) mm")))
+            }
         }
     }
 }
@@ -172,7 +150,7 @@ mod tests {
 
     #[test]
     fn ways_are_split_into_equal_pulses_within_the_curve() {
-        let curve = Curve { sustain_s: vec![0.0, 0.05, 0.1], distance_m: vec![1e-3, 2e-3, 4e-3] };
+        let curve = Curve(vec![[0.0, 1e-3], [0.05, 2e-3], [0.1, 4e-3]]);
         assert_eq!(curve.pulses(0.4e-3), [0.0; 0]);
         assert_eq!(curve.pulses(0.6e-3), [0.0]);
         assert_eq!(curve.pulses(2e-3), [0.05]);

@@ -3,6 +3,8 @@
 
 use nalgebra::{Matrix4, Vector4};
 
+use super::super::LabFault;
+use super::super::pulses::mm;
 use upm_core::geometry::{Vec2, perp};
 
 /// Parts, N.
@@ -17,10 +19,7 @@ pub type PartPositions = [Vec2; PARTS];
 
 /// Φ of Eq. 2, 4×4: column j is τ_j at part 1 (x, y), then at part 2.
 pub fn field_matrix(centers_m: &[Vec2; CENTERS], parts_m: &PartPositions) -> Matrix4<f64> {
-    Matrix4::from_fn(|row, column| {
-        let field = direction(centers_m[column], parts_m[row / 2]);
-        if row % 2 == 0 { field.x } else { field.y }
-    })
+    Matrix4::from_fn(|row, column| direction(centers_m[column], parts_m[row / 2])[row % 2])
 }
 
 /// Ratio of the largest to the smallest singular value of Φ.
@@ -29,23 +28,26 @@ pub fn condition(phi: &Matrix4<f64>) -> f64 {
     values.max() / values.min()
 }
 
-/// The distances d (m) with `Φ d = ΔP` that move the parts from `parts_m` to `goals_m`; `None` where the fields are
-/// dependent.
+/// The distances d (m) with `Φ d = ΔP` that move the parts from `parts_m` to `goals_m`.
+///
+/// # Errors
+///
+/// Fields that are dependent there.
 pub fn distances(
     centers_m: &[Vec2; CENTERS],
     parts_m: &PartPositions,
     goals_m: &PartPositions,
-) -> Option<[f64; CENTERS]> {
+) -> Result<[f64; CENTERS], LabFault> {
     let phi = field_matrix(centers_m, parts_m);
     let condition = condition(&phi);
-    if condition.is_nan() || condition > SINGULAR {
-        return None;
-    }
-    let step = Vector4::from_fn(|row, _| {
-        let way = goals_m[row / 2] - parts_m[row / 2];
-        if row % 2 == 0 { way.x } else { way.y }
-    });
-    phi.lu().solve(&step).map(Into::into)
+    let step = Vector4::from_fn(|row, _| (goals_m[row / 2] - parts_m[row / 2])[row % 2]);
+    let solved = if condition <= SINGULAR { phi.lu().solve(&step) } else { None };
+    solved.map(Into::into).ok_or_else(|| {
+        let [[ax, ay], [bx, by]] = parts_m.map(mm);
+        LabFault::Rig(format!(
+            "fields dependent at ({ax:.0}, {ay:.0}), ({bx:.0}, {by:.0}) mm: condition number {condition:.0e}"
+        ))
+    })
 }
 
 /// Position of a part after it flows by `distance_m` about `center_m`: along the circle, exactly.

@@ -1,53 +1,37 @@
 //! Figures and charts of the experiment with two parts.
 
-use super::super::pulses::{SATURATION, mm};
+use super::super::pulses::mm;
+use super::super::texts::{chart, figure, figures};
 use super::super::{ExperimentResult, Figure};
 use super::calibrated_pulses::{CalibratedPulses, STRONG_SPIN_RADPS};
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
 use super::task::{OBSERVATIONS, StepSeries, TwoPartProblem};
-use upm_chart::{Axis, Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color, Layer, Mark};
 
 /// Radius of the circle about a start, in half sides of the plate.
 const START: f64 = 0.02;
 
-/// Outcome from the runs in the ideal field, on the strong plate and on the rig's; `d_m` solves the step in one
-/// observation, `plates` are those of the last two runs.
-pub fn outcome(
-    task: &TwoPartProblem,
-    runs: [&StepSeries; 3],
-    d_m: &[f64; CENTERS],
-    plates: [&CalibratedPulses<'_>; 2],
-) -> ExperimentResult {
-    let mut figures = of_one_observation(task, runs[0], d_m);
+/// Outcome from the runs in the ideal field, on the strong plate and on the rig's; `plates` are those of the last two.
+pub fn outcome(task: &TwoPartProblem, runs: [&StepSeries; 3], plates: [&CalibratedPulses<'_>; 2]) -> ExperimentResult {
+    let mut figures = of_one_observation(task, runs[0]);
     figures.extend(runs[1..].iter().zip(plates).flat_map(|(run, plate)| of_plate(run, plate)));
     let spin = plates[1].spin_radps.into_iter().fold(f64::INFINITY, f64::min);
-    figures.extend([
-        Figure::alone("spin, strong plate", "rad/s", STRONG_SPIN_RADPS, "prescribed: no motors, no rods"),
-        Figure::alone("spin, rig's plate", "rad/s", spin, "the largest its motors play about the corners"),
-    ]);
+    figures.extend([figure("spin, strong plate", STRONG_SPIN_RADPS), figure("spin, rig's plate", spin)]);
     let maps = ["two-parts-ideal", "two-parts-strong", "two-parts-plate"].into_iter().zip(runs);
     let charts = maps.filter_map(|(name, run)| map(name, task, run)).chain([misses(runs)]).collect();
     ExperimentResult { figures, charts, ..ExperimentResult::default() }
 }
 
-fn of_one_observation(task: &TwoPartProblem, ideal: &StepSeries, d_m: &[f64; CENTERS]) -> Vec<Figure> {
+fn of_one_observation(task: &TwoPartProblem, ideal: &StepSeries) -> Vec<Figure> {
     let step_mm = 1e3 * mean_miss(&task.starts_m, &task.goals_m);
     let condition = condition(&field_matrix(&task.centers_m, &task.starts_m));
-    let mut figures = vec![
-        Figure::alone("mean step of the parts", "mm", step_mm, "chosen large, as in UPM paper, Fig. 3"),
-        Figure::alone("condition number of Φ", "1", condition, "UPM paper, Eq. 2; singular when infinite"),
-    ];
-    for (j, d) in d_m.iter().enumerate() {
-        let name = format!("d{} of one observation", j + 1);
-        figures.push(Figure::alone(name, "mm", 1e3 * d, "UPM paper, Eq. 2, solved by LU"));
-    }
+    let mut figures = vec![figure("mean step of the parts", step_mm), figure("condition number of Φ", condition)];
     // each observation corrects the error of the previous ones; the second-order error of its own step remains
-    let second = "2 for small steps: the second order of each is left";
-    let measured = |observations: usize| 1e3 * ideal.miss_m(observations).unwrap_or(f64::NAN);
+    let measured = |observations: usize| ideal.miss_m(observations).unwrap_or(f64::NAN);
     let [.., coarse, fine] = OBSERVATIONS;
     let order = (measured(coarse) / measured(fine)).ln() / (fine as f64 / coarse as f64).ln();
     figures.extend(misses_of(ideal, "UPM paper, Eq. 3; it prints no figure"));
-    figures.push(Figure::alone("order at which E falls with observations, ideal field", "1", order, second));
+    figures.push(figure("order at which E falls with observations, ideal field", order));
     figures
 }
 
@@ -60,11 +44,8 @@ fn misses_of<'a>(run: &'a StepSeries, source: &'a str) -> impl Iterator<Item = F
 
 fn of_plate(run: &StepSeries, plate: &CalibratedPulses<'_>) -> Vec<Figure> {
     let name = run.name;
-    let source = "one period at full height; ways below half of it are left out";
-    let mut figures = vec![
-        Figure::alone(format!("shortest pulse, {name}"), "mm", 1e3 * plate.shortest_m(), source),
-        Figure::alone(format!("saturation, {name}"), "1", plate.saturation(), SATURATION),
-    ];
+    let found = [("shortest pulse, {}", 1e3 * plate.shortest_m()), ("saturation, {}", plate.saturation())];
+    let mut figures: Vec<Figure> = figures(found).map(|figure| figure.of(name)).into();
     figures.extend(misses_of(run, "beside the ideal field's E"));
     for (observations, fault) in &run.failed {
         let (name, count) = (format!("failed try, {name}"), *observations as f64);
@@ -112,8 +93,7 @@ fn map(name: &str, task: &TwoPartProblem, run: &StepSeries) -> Option<Chart> {
 }
 
 fn misses(runs: [&StepSeries; 3]) -> Chart {
-    let axes = [Axis::log("observations"), Axis::log("E (mm)")];
-    let mut chart = Chart::over("two-parts-observations", "The same step in more observations", axes);
+    let mut chart = chart("two-parts-observations");
     for (i, run) in runs.iter().enumerate() {
         let points = run.ways.iter().map(|(observations, way)| [*observations as f64, 1e3 * way.miss_m]);
         let failed: Vec<String> = run.failed.iter().map(|(observations, _)| observations.to_string()).collect();

@@ -1,7 +1,7 @@
 //! The large step with two parts, and their paths to its goals in one observation and in several.
 
 use super::super::{LabFault, LabRig};
-use super::plan::{CENTERS, PartPositions, condition, distances, field_matrix, mean_miss};
+use super::plan::{CENTERS, PartPositions, distances, mean_miss};
 use upm_core::geometry::Vec2;
 
 /// Corners of the workspace, in half sides of the plate: counter-clockwise from the upper left, in the order of
@@ -41,27 +41,16 @@ impl TwoPartProblem {
         observations: usize,
         mut rotate: impl FnMut(&PartPositions, usize, f64) -> Result<PartPositions, LabFault>,
     ) -> Result<TwoPartPath, LabFault> {
-        let mut at = self.starts_m;
-        let mut way = TwoPartPath { corners: vec![at], miss_m: f64::NAN };
+        let (mut at, mut corners) = (self.starts_m, vec![self.starts_m]);
         for number in 1..=observations {
             let wanted = self.waypoints_m(number, observations);
-            let d_m = distances(&self.centers_m, &at, &wanted).ok_or_else(|| self.singular(&at))?;
+            let d_m = distances(&self.centers_m, &at, &wanted)?;
             for (center, &d) in d_m.iter().enumerate() {
                 at = rotate(&at, center, d)?;
-                way.corners.push(at);
+                corners.push(at);
             }
         }
-        way.miss_m = mean_miss(&at, &self.goals_m);
-        Ok(way)
-    }
-
-    pub fn singular(&self, at: &PartPositions) -> LabFault {
-        let [a, b] = at.map(|part| part * 1e3);
-        let number = condition(&field_matrix(&self.centers_m, at));
-        LabFault::Rig(format!(
-            "fields dependent at ({:.0}, {:.0}), ({:.0}, {:.0}) mm: condition number {number:.0e}",
-            a.x, a.y, b.x, b.y
-        ))
+        Ok(TwoPartPath { corners, miss_m: mean_miss(&at, &self.goals_m) })
     }
 }
 

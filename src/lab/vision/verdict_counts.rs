@@ -1,5 +1,6 @@
 use super::super::Figure;
 use super::super::numerics::rms;
+use super::super::texts::figure;
 use super::verdicts::{PartError, SceneVerdict, TableVerdict};
 use upm_core::units::mm_from_m;
 use upm_scene::Difficulty;
@@ -9,129 +10,88 @@ const CAUSES: [&str; 5] = ["tables not found", "tables misplaced", "parts missed
 /// Most seeds reported for one cause.
 const MOST_SEEDS: usize = 10;
 
-/// Statistics of one difficulty's verdicts.
+/// Verdicts on the scenes of one difficulty.
 pub struct VerdictCounts {
-    difficulty: Difficulty,
-    scenes: usize,
-    parts: usize,
-    /// Failures, and the seeds of their scenes, by cause.
-    failures: [(usize, Vec<u64>); CAUSES.len()],
-    /// Reasons why tables were not found, and the scenes' seeds.
-    faults: Vec<(String, Vec<u64>)>,
-    corner_errors_px: Vec<f64>,
-    errors: Vec<PartError>,
-    /// Largest error of a centre, px, and the seed of its scene.
-    worst_center: Option<(f64, u64)>,
+    pub difficulty: Difficulty,
+    pub verdicts: Vec<SceneVerdict>,
 }
 
 impl VerdictCounts {
-    pub fn new(difficulty: Difficulty, verdicts: &[SceneVerdict]) -> Self {
-        let mut counts = Self {
-            difficulty,
-            scenes: verdicts.len(),
-            parts: verdicts.iter().map(|verdict| verdict.parts).sum(),
-            failures: Default::default(),
-            faults: Vec::new(),
-            corner_errors_px: Vec::new(),
-            errors: Vec::new(),
-            worst_center: None,
-        };
-        verdicts.iter().for_each(|verdict| counts.add(verdict));
-        counts
+    /// Errors of the parts that were found, with the seeds of their scenes.
+    fn errors(&self) -> impl Iterator<Item = (u64, &PartError)> {
+        let found = self.verdicts.iter().filter_map(|verdict| Some((verdict.seed, verdict.found()?.1)));
+        found.flat_map(|(seed, parts)| parts.errors.iter().map(move |error| (seed, error)))
     }
 
-    fn add(&mut self, verdict: &SceneVerdict) {
-        let seed = verdict.seed;
-        let counts = match &verdict.table {
-            TableVerdict::NotFound(fault) => {
-                let fault = fault.to_string();
-                match self.faults.iter_mut().find(|(known, _)| *known == fault) {
-                    Some((_, seeds)) => seeds.push(seed),
-                    None => self.faults.push((fault, vec![seed])),
-                }
-                [1, 0, 0, 0, 0]
-            }
-            TableVerdict::Misplaced => [0, 1, 0, 0, 0],
-            TableVerdict::Found { corner_errors_px, parts } => {
-                self.corner_errors_px.extend(corner_errors_px);
-                for error in &parts.errors {
-                    if self.worst_center.is_none_or(|(worst, _)| error.center_px > worst) {
-                        self.worst_center = Some((error.center_px, seed));
-                    }
-                }
-                self.errors.extend(&parts.errors);
-                [0, 0, parts.missed, parts.invented, parts.misnamed]
-            }
-        };
-        for ((all, seeds), count) in self.failures.iter_mut().zip(counts).filter(|(_, count)| *count > 0) {
-            *all += count;
-            seeds.push(seed);
-        }
-    }
-
-    pub fn difficulty(&self) -> Difficulty {
-        self.difficulty
-    }
-
-    pub fn center_errors_px(&self) -> Vec<f64> {
-        self.errors.iter().map(|error| error.center_px).collect()
+    fn errors_of(&self, of: fn(&PartError) -> f64) -> Vec<f64> {
+        self.errors().map(|(_, error)| of(error)).collect()
     }
 
     /// The figures. Errors are distances: both axes taken together. Parts of scenes whose table was not
     /// located correctly are neither missed nor measured.
     pub fn figures(&self) -> Vec<Figure> {
-        const TRUTH: &str = "rendered scenes, against the truth";
-        let name = |what: &str| format!("{}: {what}", self.difficulty);
-        let figure = |what: &str, unit: &str, measured: f64, bar: Option<f64>| match bar {
-            // a bar is not a published figure: being below it is not an error
-            Some(bar) if bar > 0.0 => {
-                Figure::alone(name(what), unit, measured, &format!("bar {bar} {unit}; rendered scenes"))
-            }
-            Some(none) => Figure::against(name(what), unit, measured, none, "rendered scenes; none allowed"),
-            None => Figure::alone(name(what), unit, measured, TRUTH),
-        };
-        let (center_bar, corner_bar) = match self.difficulty {
-            Difficulty::Clean => (Some(0.03), Some(0.05)),
-            Difficulty::Rough => (Some(0.10), Some(0.15)),
-            Difficulty::Hard | Difficulty::Papers => (None, None),
-        };
-        let centers_px = self.center_errors_px();
-        let positions_mm: Vec<f64> = self.errors.iter().map(|error| mm_from_m(error.position_m)).collect();
-        let radii_px: Vec<f64> = self.errors.iter().map(|error| error.radius_px).collect();
-        let over_covariance = self.errors.iter().map(|error| error.over_covariance).sum::<f64>();
-        let failures =
-            CAUSES.iter().zip(&self.failures).map(|(cause, (n, _))| figure(cause, "1", *n as f64, Some(0.0)));
-        let mut figures = vec![
-            figure("centre rms", "px", rms(&centers_px), center_bar),
-            figure("centre worst", "px", worst(&centers_px), None),
-            figure("corner rms", "px", rms(&self.corner_errors_px), corner_bar),
-            figure("corner worst", "px", worst(&self.corner_errors_px), None),
-            figure("radius rms", "px", rms(&radii_px), None),
-            figure("position rms", "mm", rms(&positions_mm), Some(0.05)),
-            figure("position worst", "mm", worst(&positions_mm), None),
+        let (centers_px, radii_px) = (self.errors_of(|error| error.center_px), self.errors_of(|error| error.radius_px));
+        let positions_mm = self.errors_of(|error| mm_from_m(error.position_m));
+        let over_covariance = self.errors_of(|error| error.over_covariance);
+        let found = self.verdicts.iter().filter_map(SceneVerdict::found);
+        let corners_px: Vec<f64> = found.flat_map(|(corner_errors_px, _)| *corner_errors_px).collect();
+        let errors = [
+            ("centre rms", rms(&centers_px)),
+            ("centre worst", worst(&centers_px)),
+            ("corner rms", rms(&corners_px)),
+            ("corner worst", worst(&corners_px)),
+            ("radius rms", rms(&radii_px)),
+            ("position rms", rms(&positions_mm)),
+            ("position worst", worst(&positions_mm)),
         ];
-        figures.extend(failures);
-        let source = "squared error of an axis over its variance, mean; 1 if honest";
-        let over_covariance = over_covariance / self.errors.len() as f64;
-        figures.push(Figure::alone(name("centre over covariance"), "1", over_covariance, source));
-        figures.push(Figure::alone(name("parts in all"), "1", self.parts as f64, "rendered scenes"));
-        figures
+        let failed = |cause: usize| self.verdicts.iter().map(|verdict| failures(verdict)[cause]).sum::<usize>() as f64;
+        let failures = CAUSES.into_iter().enumerate().map(|(cause, name)| (name, failed(cause)));
+        let parts = self.verdicts.iter().map(|verdict| verdict.parts).sum::<usize>();
+        let ends = [
+            ("centre over covariance", over_covariance.iter().sum::<f64>() / over_covariance.len() as f64),
+            ("parts in all", parts as f64),
+        ];
+        let all = errors.into_iter().chain(failures).chain(ends);
+        all.map(|(name, measured)| figure(&format!("{}: {name}", self.difficulty.code()), measured)).collect()
     }
 
-    /// Seeds that need attention, one cause a line.
+    /// Seeds that need attention, one cause a line: why tables were not found, then the other failures.
     pub fn notes(&self) -> Vec<String> {
-        let faults = self.faults.iter().map(|(fault, seeds)| (fault.as_str(), seeds.as_slice()));
-        let causes = CAUSES.into_iter().zip(&self.failures).map(|(cause, (_, seeds))| (cause, seeds.as_slice()));
-        let causes = causes.skip(1).filter(|(_, seeds)| !seeds.is_empty());
-        let line = |(cause, seeds): (&str, &[u64])| {
+        let faults = self.verdicts.iter().filter_map(|verdict| match &verdict.table {
+            TableVerdict::NotFound(fault) => Some((fault.to_string(), verdict.seed)),
+            _ => None,
+        });
+        let causes = (1..CAUSES.len()).flat_map(|cause| {
+            let failed = self.verdicts.iter().filter(move |verdict| failures(verdict)[cause] > 0);
+            failed.map(move |verdict| (CAUSES[cause].to_owned(), verdict.seed))
+        });
+        let mut seeds_of: Vec<(String, Vec<u64>)> = Vec::new();
+        for (cause, seed) in faults.chain(causes) {
+            match seeds_of.iter_mut().find(|(known, _)| *known == cause) {
+                Some((_, seeds)) => seeds.push(seed),
+                None => seeds_of.push((cause, vec![seed])),
+            }
+        }
+        let line = |(cause, seeds): (String, Vec<u64>)| {
             let shown: Vec<String> = seeds.iter().take(MOST_SEEDS).map(u64::to_string).collect();
             let more = if seeds.len() > MOST_SEEDS { ", ..." } else { "" };
-            let (difficulty, all, few) = (self.difficulty, self.scenes, shown.join(", "));
+            let (difficulty, all, few) = (self.difficulty.code(), self.verdicts.len(), shown.join(", "));
             format!("{difficulty}: {cause}: {} of {all} scenes, seeds {few}{more}", seeds.len())
         };
-        let worst =
-            self.worst_center.map(|(px, seed)| format!("{}: worst centre: {px:.3} px, seed {seed}", self.difficulty));
-        faults.chain(causes).map(line).chain(worst).collect()
+        let worst = self.errors().max_by(|a, b| a.1.center_px.total_cmp(&b.1.center_px));
+        let worst = worst.map(|(seed, PartError { center_px, .. })| {
+            format!("{}: worst centre: {center_px:.3} px, seed {seed}", self.difficulty.code())
+        });
+        seeds_of.into_iter().map(line).chain(worst).collect()
+    }
+}
+
+/// Numbers of failures in a scene by cause.
+fn failures(verdict: &SceneVerdict) -> [usize; CAUSES.len()] {
+    match &verdict.table {
+        TableVerdict::NotFound(_) => [1, 0, 0, 0, 0],
+        TableVerdict::Misplaced => [0, 1, 0, 0, 0],
+        TableVerdict::Found { parts, .. } => [0, 0, parts.missed, parts.invented, parts.misnamed],
     }
 }
 
@@ -166,7 +126,7 @@ mod tests {
         ];
         let verdicts: Vec<SceneVerdict> =
             tables.into_iter().zip(7..).map(|(table, seed)| SceneVerdict { seed, parts: 3, table }).collect();
-        let verdict_counts = VerdictCounts::new(Difficulty::Rough, &verdicts);
+        let verdict_counts = VerdictCounts { difficulty: Difficulty::Rough, verdicts };
         let figures = verdict_counts.figures();
         let figure = |name: &str| figures.iter().find(|figure| figure.name == format!("rough: {name}")).unwrap();
         for (name, expected) in [

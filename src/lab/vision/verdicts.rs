@@ -14,6 +14,16 @@ pub struct SceneVerdict {
     pub table: TableVerdict,
 }
 
+impl SceneVerdict {
+    /// Errors of the corners, px, and the verdict on the parts, of a table located correctly.
+    pub fn found(&self) -> Option<(&[f64; 4], &PartsVerdict)> {
+        match &self.table {
+            TableVerdict::Found { corner_errors_px, parts } => Some((corner_errors_px, parts)),
+            TableVerdict::NotFound(_) | TableVerdict::Misplaced => None,
+        }
+    }
+}
+
 #[derive(Clone, Debug, PartialEq)]
 pub enum TableVerdict {
     NotFound(TableFault),
@@ -69,11 +79,9 @@ pub fn evaluate(difficulty: Difficulty, scene: &Scene) -> SceneVerdict {
 
 /// The kinds searched for.
 fn kinds_of(difficulty: Difficulty) -> Vec<PartKind> {
-    let kinds = kinds();
-    match difficulty {
-        Difficulty::Papers => kinds.into_iter().take(1).collect(),
-        Difficulty::Clean | Difficulty::Rough | Difficulty::Hard => kinds,
-    }
+    let mut kinds = kinds();
+    kinds.truncate(if difficulty == Difficulty::Papers { 1 } else { kinds.len() });
+    kinds
 }
 
 /// Matches nearest pairs first; a part is found where a detection is within half its radius.

@@ -1,0 +1,65 @@
+//! Texts of figures and charts, from the tables below `assets/lab`: units, the papers' values, sources, titles.
+
+use super::Figure;
+use upm_chart::{Axis, Chart};
+
+/// Figures: name, unit, reference, least and largest value that counts as reproduced, source.
+const FIGURES: &str = include_str!("../../assets/lab/figures.tsv");
+/// Charts: name, title, labels of the axes, and which of these are logarithmic.
+const CHARTS: &str = include_str!("../../assets/lab/charts.tsv");
+
+/// Cells of the row of `table` that begins with `name`.
+fn row<const N: usize>(table: &'static str, name: &str) -> [&'static str; N] {
+    let mut rows = table.lines().map(|line| line.split('\t'));
+    let mut cells = rows.find(|cells| cells.clone().next() == Some(name)).into_iter().flatten();
+    std::array::from_fn(|_| cells.next().unwrap_or_default())
+}
+
+/// The figure called `name` in the table.
+pub(super) fn figure(name: &str, measured: f64) -> Figure {
+    let [_, unit, reference, least, most, source] = row(FIGURES, name);
+    let [reference, least, most] = [reference, least, most].map(|cell| cell.parse().ok());
+    let figure = Figure::alone(name, unit, measured, source).with(reference);
+    least.zip(most).map_or(figure.clone(), |(least, most)| figure.judged([least, most]))
+}
+
+/// Several figures of the table.
+pub(super) fn figures<const N: usize>(measured: [(&str, f64); N]) -> [Figure; N] {
+    measured.map(|(name, measured)| figure(name, measured))
+}
+
+/// The empty chart called `name` in the table.
+pub(super) fn chart(name: &str) -> Chart {
+    let [_, title, x, y, logarithmic] = row(CHARTS, name);
+    let axis = |which: char, label| if logarithmic.contains(which) { Axis::log(label) } else { Axis::new(label) };
+    Chart::over(name, title, [axis('x', x), axis('y', y)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All sources of the lab.
+    fn sources(folder: &std::path::Path) -> String {
+        let paths = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        paths.map(|path| if path.is_dir() { sources(&path) } else { std::fs::read_to_string(path).unwrap() }).collect()
+    }
+
+    #[test]
+    fn rows_have_all_cells_names_of_their_own_and_uses() {
+        let sources = sources(std::path::Path::new(env!("CARGO_MANIFEST_DIR")));
+        for (table, cells) in [(FIGURES, 6), (CHARTS, 5)] {
+            let mut names = std::collections::BTreeSet::new();
+            for line in table.lines().skip(1) {
+                let name = line.split('\t').next().unwrap();
+                assert_eq!(line.split('\t').count(), cells, "{line}");
+                assert!(names.insert(name), "twice: {name}");
+                let is_used = |name: &str| sources.contains(&format!("\"{name}\""));
+                assert!(
+                    is_used(name) || name.split(": ").any(is_used) || name.contains(" dyn, 207 µg"),
+                    "unused: {name}"
+                );
+            }
+        }
+    }
+}
