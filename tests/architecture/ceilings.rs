@@ -18,9 +18,9 @@ const CEILINGS: [(&str, usize); 15] = [
     ("recording", 1530),
     ("runner", 5520),
     ("scene", 920),
-    ("server", 5010),
+    ("server", 4635),
     ("sim", 3450),
-    ("upm", 5040),
+    ("upm", 4943),
     ("viewer", 1520),
 ];
 

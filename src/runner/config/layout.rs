@@ -1,16 +1,26 @@
-use super::{JobSpec, KindSpec, TaskSpec};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize, Serializer};
+
+use super::job_file::{BinEntry, Region};
+use super::{JobSpec, KindSpec, TaskSpec, units};
 use upm_core::geometry::Vec2;
 use upm_core::job::Bin;
+use upm_core::units::{mm_from_m, places_mm};
 use upm_planning::task::PathParams;
 
-/// The layout of a job on its plate, from its file: parts, targets, bins and wanted paths. It never changes.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// The layout of a job on its plate, from its file: parts, targets, bins and wanted paths. It never changes. Its JSON
+/// has millimetres from the plate's centre.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct JobLayout {
     /// The parts, in the order of the job.
     pub parts: Vec<LayoutPart>,
-    /// Target position of each part, m; empty for a task without target positions.
+    /// Target position of each part; empty for a task without target positions.
+    #[serde(rename = "targets_mm", serialize_with = "serialize_places")]
+    #[schemars(with = "Vec<[f64; 2]>")]
     pub targets_m: Vec<Vec2>,
     /// Bins to sort into; empty for every other task.
+    #[serde(serialize_with = "serialize_bins")]
+    #[schemars(with = "Vec<BinEntry>")]
     pub bins: Vec<Bin>,
     /// Paths that parts shall follow.
     pub paths: Vec<LayoutPath>,
@@ -18,24 +28,40 @@ pub struct JobLayout {
     pub endless: bool,
 }
 
-/// A part of a layout: the properties of its kind.
-#[derive(Clone, Debug, PartialEq)]
+/// A part of a layout, or a kind of part.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LayoutPart {
     /// Name of its kind.
     pub kind: String,
-    /// Radius of the kind's outline, m.
+    /// Radius of the kind's outline.
+    #[serde(rename = "radius_mm", with = "units::millimetres")]
+    #[schemars(with = "f64")]
     pub radius_m: f64,
 }
 
 /// A path that a part shall follow.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct LayoutPath {
-    /// The part that follows it, an index into the parts of the job; `None` for several.
+    /// The part that follows it, an index into the parts of the job; null for several.
     pub part: Option<usize>,
-    /// Its corners, m.
+    /// Its corners.
+    #[serde(rename = "waypoints_mm", serialize_with = "serialize_places")]
+    #[schemars(with = "Vec<[f64; 2]>")]
     pub waypoints_m: Vec<Vec2>,
     /// True for a path that leads from the last corner back to the first.
     pub closed: bool,
+}
+
+fn serialize_places<S: Serializer>(places_m: &[Vec2], serializer: S) -> Result<S::Ok, S::Error> {
+    places_mm(places_m).serialize(serializer)
+}
+
+fn serialize_bins<S: Serializer>(bins: &[Bin], serializer: S) -> Result<S::Ok, S::Error> {
+    let corner_mm = |corner_m: Vec2| [corner_m.x, corner_m.y].map(mm_from_m);
+    serializer.collect_seq(bins.iter().map(|Bin { kinds, min_m, max_m }| BinEntry {
+        kinds: kinds.clone(),
+        region_mm: Region { min: corner_mm(*min_m), max: corner_mm(*max_m) },
+    }))
 }
 
 impl LayoutPart {

@@ -18,6 +18,7 @@ macro_rules! unit {
     };
 }
 
+unit!(millimetres, f64, upm_core::units::m_from_mm, |length_m| upm_core::units::mm_from_m(*length_m));
 unit!(gigabytes, u64, |gb| (gb * 1e9).round() as u64, |bytes| *bytes as f64 / 1e9);
 unit!(megabytes, u64, |mb| (mb * 1e6).round() as u64, |bytes| *bytes as f64 / 1e6);
 unit!(seconds, std::time::Duration, std::time::Duration::from_secs_f64, std::time::Duration::as_secs_f64);
