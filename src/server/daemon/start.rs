@@ -17,7 +17,7 @@ use crate::supervisor::PlateSupervisor;
 use upm_core::background::BackgroundThread;
 use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::MonotonicClock;
-use upm_runner::config::DaemonSpec;
+use upm_runner::config::{DaemonSpec, KeepSpec};
 
 /// Longest time for plates to end: motors go to zero at once, closing recordings takes a moment.
 const PLATES_WITHIN: Duration = Duration::from_millis(1200);
@@ -81,12 +81,8 @@ impl Daemon {
         // before anything is changed: a port in use must not disturb the daemon that holds the data
         let listener = listener_at(spec.listen)?;
         let stop_listener = spec.stop_listen.map(listener_at).transpose()?;
-        let limits = StoreLimits {
-            queued: spec.queue,
-            jobs: spec.keep.jobs,
-            runs_bytes: spec.keep.runs_bytes,
-            standing_runs: spec.keep.standing_runs,
-        };
+        let KeepSpec { jobs, runs_bytes, standing_runs } = spec.keep;
+        let limits = StoreLimits { queued: spec.queue, jobs, runs_bytes, standing_runs };
         let opened = Store::open(&spec.data, &spec.plate_names(), limits, now).map_err(StartFault::Store)?;
         let (store, recovery) = (Arc::new(opened.store), opened.recovery);
         spec.rerun = Some(rerun_of(&spec));

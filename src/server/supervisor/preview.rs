@@ -2,8 +2,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::imageops::thumbnail;
-use image::{DynamicImage, ExtendedColorType, GrayImage, ImageEncoder, Rgb, RgbImage};
+use image::{ExtendedColorType, ImageEncoder, Rgb, RgbImage};
 use imageproc::drawing::{draw_cross_mut, draw_hollow_circle_mut};
 use parking_lot::Mutex;
 
@@ -77,10 +76,13 @@ pub(super) struct OverlayMark {
 
 /// `frame` at half its size with `marks` drawn over it, as PNG; `None` for a frame without pixels.
 fn draw(frame: &Frame, marks: &[OverlayMark]) -> Option<Vec<u8>> {
-    let [width, height] = [frame.width, frame.height].map(u32::try_from);
-    let gray = GrayImage::from_raw(width.ok()?, height.ok()?, frame.pixels.clone())?;
-    let half = thumbnail(&gray, gray.width() / 2, gray.height() / 2);
-    let mut picture = DynamicImage::from(half).into_rgb8();
+    let [width, height] = [frame.width / 2, frame.height / 2].map(u32::try_from);
+    let mut picture = RgbImage::from_fn(width.ok()?, height.ok()?, |x, y| {
+        let (x, y) = (2 * x as usize, 2 * y as usize);
+        let levels = [y, y + 1].into_iter().flat_map(|y| frame.row(y).get(x..x + 2).unwrap_or(&[0; 2]));
+        let sum: u16 = levels.map(|level| u16::from(*level)).sum();
+        Rgb([((sum + 2) / 4) as u8; 3])
+    });
     for mark in marks {
         mark_in(&mut picture, mark);
     }
