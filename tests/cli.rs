@@ -168,13 +168,7 @@ fn schemas_and_completions_are_printed() {
 fn full_disk_on_stdout_is_reported() {
     for args in [&["completions", "bash"][..], &["schema", "job"], &["check", "configs/plus-sign.json"]] {
         let full = fs::File::options().write(true).open("/dev/full").unwrap();
-        let child = std::process::Command::new(env!("CARGO_BIN_EXE_upm"))
-            .args(args)
-            .current_dir(root())
-            .stdout(full)
-            .stderr(std::process::Stdio::piped())
-            .spawn()
-            .unwrap();
+        let child = upm().args(args).stdout(full).stderr(std::process::Stdio::piped()).spawn().unwrap();
         let output = child.wait_with_output().unwrap();
         let stderr = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(1), "{args:?}: {stderr}");

@@ -47,7 +47,7 @@ class Stopping {
   /** The first answer of API and listener; without any, what the API's failure was. */
   answer(listened) {
     const asked = ask('POST', ofPlate(this.name, '/estop'));
-    const ofListener = listened?.then((stops) => stops?.find((stop) => stop.plate === this.name)?.answer ?? asked);
+    const ofListener = listened?.then((stops) => stops?.find((stop) => stop.plate === this.name) ?? asked);
     return Promise.any([asked, ofListener ?? asked]).catch((failed) => Promise.reject(failed.errors[0]));
   }
 

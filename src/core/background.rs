@@ -78,6 +78,11 @@ impl<T> Queue<T> {
         })
     }
 
+    /// The same queue for a sender with another policy.
+    pub fn with_policy(&self, overflow: OverflowPolicy) -> Self {
+        Self { overflow, ..self.clone() }
+    }
+
     /// Number of items lost since the queue was made.
     pub fn lost(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::coded_enum;
 use crate::geometry::Vec2;
-use crate::units::mm_point;
+use crate::units::{mm, mm_point, mm_points};
 
 pub use stop_cause::StopCause;
 
@@ -97,23 +97,28 @@ pub struct Region {
     pub max_m: Vec2,
 }
 
-/// A part of a job as it is shown.
-#[derive(Clone, Debug, PartialEq)]
+/// A part of a job as it is shown, or a kind of part.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LayoutPart {
-    /// Name in its run: `penny-1`.
+    /// Name in its run: `penny-1`; empty for a kind.
+    #[serde(skip)]
     pub id: String,
     /// Name of its kind.
     pub kind: String,
-    /// Radius of the kind's outline, m.
+    /// Radius of the kind's outline.
+    #[serde(rename = "radius_mm", with = "mm")]
+    #[schemars(with = "f64")]
     pub radius_m: f64,
 }
 
 /// A path that a part shall follow.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LayoutPath {
-    /// The part that follows it, an index into the parts of the job; `None` for several.
+    /// The part that follows it, an index into the parts of the job; null for several.
     pub part: Option<usize>,
-    /// Its corners, m.
+    /// Its corners.
+    #[serde(rename = "waypoints_mm", with = "mm_points")]
+    #[schemars(with = "Vec<[f64; 2]>")]
     pub waypoints_m: Vec<Vec2>,
     /// True for a path that leads from the last corner back to the first.
     pub closed: bool,

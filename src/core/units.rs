@@ -64,6 +64,11 @@ file_form!(
     |m| [m.x, m.y].map(|m| without_rounding_error(mm_from_m(m)))
 );
 file_form!(
+    /// Points, m, in a file mm, to the micrometre.
+    mm_points: Vec<[f64; 2]> => Vec<Vec2>, |places| places.into_iter().map(|mm| mm.map(m_from_mm).into()).collect(),
+    |places_m| places_mm(places_m)
+);
+file_form!(
     /// Radians a second, in a file hertz.
     hertz: f64 => f64, |hz| TAU * hz, |radps| without_rounding_error(radps / TAU)
 );

@@ -3,11 +3,9 @@
 use std::sync::Arc;
 
 use aide::openapi::OpenApi;
-use axum::Router;
-use tokio::sync::Semaphore;
-use tokio_util::sync::CancellationToken;
+use axum::{Extension, Router};
 
-use crate::http::{AllowedHosts, Confirmations, Tokens, with_layers};
+use crate::http::{AllowedHosts, with_layers};
 
 mod events;
 mod extract;
@@ -20,39 +18,24 @@ mod plates;
 mod routes;
 mod state;
 mod submit;
-mod types;
-
-use extract::Api;
 
 pub(crate) use health::liveness_failures;
 pub(crate) use state::DaemonState;
 #[cfg(test)]
 pub(crate) use state::EVENT_STREAMS;
 
-pub use crate::store::Job;
-pub use crate::supervisor::{LayoutPartView, LayoutPathView, LayoutView, Plate};
+pub use crate::store::{Job, JobId};
+pub use crate::supervisor::Plate;
 pub use events::JOB_EVENT;
-pub use types::{Checked, EStopped, JobsPage, JobsQuery, Plates, ResetRequest};
+pub use jobs::JobsPage;
+pub use plates::{Plates, ResetRequest};
+pub use state::EStopped;
 
-/// The complete API of `daemon` as a router, layers included. Needs no socket. `stop` ends event streams, as it ends
-/// the server.
-pub(crate) fn app(
-    daemon: Arc<DaemonState>,
-    tokens: &Arc<Tokens>,
-    confirmations: Confirmations,
-    stop: CancellationToken,
-) -> Router {
+/// The complete API of `daemon` as a router, layers included. Needs no socket.
+pub(crate) fn app(daemon: Arc<DaemonState>) -> Router {
     let mut document = OpenApi::default();
-    let routes = routes::routes(tokens);
+    let routes = routes::routes(&daemon.tokens);
     let routes = routes.finish_api_with(&mut document, |api| routes::described(api, daemon.version));
     let hosts = AllowedHosts::new(daemon.spec.listen, &daemon.spec.hosts);
-    let api = Api {
-        daemon,
-        stop,
-        document: serde_json::to_vec(&document).unwrap_or_default().into(),
-        checks: Arc::new(Semaphore::new(extract::CHECKS)),
-        confirmations,
-        downloads: Arc::new(Semaphore::new(files::DOWNLOADS)),
-    };
-    with_layers(routes.with_state(Arc::new(api)), hosts)
+    with_layers(routes.with_state(daemon).layer(Extension(Arc::new(document))), hosts)
 }

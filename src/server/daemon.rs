@@ -2,12 +2,11 @@
 
 mod estop_socket;
 mod prepare;
-mod recovery_log;
 mod start;
-mod systemd;
 #[cfg(test)]
 mod tests;
 
-pub use estop_socket::{ESTOP_SOCKET, EmergencyStops, LocalStop, LocalStopAnswer, LocalStopRequest, stop_locally};
+pub use crate::store::StoreFault;
+pub use estop_socket::{ESTOP_SOCKET, EmergencyStops, LocalStopAnswer, LocalStopRequest, stop_locally};
 pub use prepare::{Prepared, keep_files_private, prepare};
 pub use start::{Daemon, ExitReport, StartFault};

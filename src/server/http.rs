@@ -1,7 +1,6 @@
 //! The HTTP server: connections and their limits, check of origins, tokens, and refusals as problem documents. With the
 //! API the only module that uses tokio's runtime; its caller sees a blocking function.
 
-mod confirmations;
 #[cfg(test)]
 mod guard_tests;
 mod layers;
@@ -13,14 +12,13 @@ mod problem;
 mod stop_listener;
 mod tokens;
 
-pub use confirmations::Confirmations;
 pub(crate) use layers::{too_large, with_layers};
 #[cfg(test)]
 pub(crate) use listen::BLOCKING_THREADS;
 pub(crate) use listen::Peer;
-pub use listen::{ShutdownReport, serve};
+pub use listen::serve;
 pub use origin_check::AllowedHosts;
 pub(crate) use problem::PROBLEM_JSON;
 pub use problem::{Problem, ProblemDocument, Reason, ReasonCode, joined};
-pub use stop_listener::{STOP_PATH, serve_stops};
+pub use stop_listener::{Confirmations, STOP_PATH, serve_stops};
 pub use tokens::{Caller, Scope, Tokens};

@@ -5,5 +5,5 @@ pub mod api;
 pub mod daemon;
 pub mod http;
 pub mod states;
-pub mod store;
-pub mod supervisor;
+mod store;
+mod supervisor;

@@ -9,9 +9,10 @@ use upm_core::job::{Outcome, StopCause};
 
 coded_enum! {
     /// Stage of a job between submission and end; all but `queued` and `running` are final.
-    #[derive(JsonSchema)]
+    #[derive(Default, JsonSchema)]
     pub enum JobState {
         /// Queued for its plate.
+        #[default]
         Queued = "queued",
         /// Running on its plate.
         Running = "running",
@@ -47,10 +48,11 @@ impl JobState {
 
 coded_enum! {
     /// State of a job's recording.
-    #[derive(JsonSchema)]
+    #[derive(Default, JsonSchema)]
     #[schemars(rename = "RecordingState")]
     pub enum RecordingStatus {
         /// No recording: none was made, or the job has not begun.
+        #[default]
         None = "none",
         /// A file that was not closed: it opens up to its last whole message.
         Partial = "partial",
@@ -113,9 +115,27 @@ pub struct PauseCause {
     /// True where `why` of the plate ends with the remedy, so that it need not be shown again.
     #[serde(default)]
     pub remedy_in_why: bool,
-    /// The cause in words, which is `why` of the plate.
-    #[serde(skip)]
+    /// The cause in words, which is `why` of the plate, too.
+    #[serde(default)]
     pub why: String,
+}
+
+impl PauseCause {
+    /// A pause for the cause with this code, in words, and the operator's checks or actions.
+    pub(crate) fn new(code: &str, why: &str, remedy: &str) -> Self {
+        Self { code: code.to_owned(), remedy: remedy.to_owned(), remedy_in_why: false, why: why.to_owned() }
+    }
+
+    /// The pause of a plate on which jobs waited when the daemon was shut down.
+    pub(crate) fn restarted() -> Self {
+        Self::new("restarted", "jobs waited when the daemon ended: resume to go on", "resume to go on")
+    }
+
+    /// The pause of every plate after a daemon that was not shut down in order.
+    pub(crate) fn crashed() -> Self {
+        let remedy = "look at the plate, then resume";
+        Self::new("crashed", &format!("the daemon did not end in order: {remedy}"), remedy)
+    }
 }
 
 /// A lasting condition of the run on a plate that an operator should know of.

@@ -7,16 +7,14 @@ mod audit;
 mod columns;
 mod ids;
 mod jobs;
-mod open;
 mod recover;
-mod retention;
-mod run_file;
+mod run_folders;
 mod schema;
 #[cfg(test)]
 pub(crate) mod tests;
 mod types;
 
-use std::fs::File;
+use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -26,15 +24,12 @@ use parking_lot::Mutex;
 use rusqlite::{Connection, Transaction, TransactionBehavior};
 
 use columns::text_of_time;
-use ids::Ids;
-use schema::VERSION;
+use schema::{VERSION, open_database};
 
 pub use ids::JobId;
-pub use open::OpenOutcome;
-pub use run_file::open_run_file;
-pub use types::{
-    AuditEntry, ClaimedJob, Job, JobEnd, JobRow, NewJob, RecoveryReport, StoreFault, StoreLimits, SubmitOutcome,
-};
+pub(crate) use run_folders::low_disk;
+pub use run_folders::open_run_file;
+pub use types::{AuditEntry, Job, JobEnd, JobRow, JobWithSpec, RecoveryReport, StoreFault, StoreLimits, SubmitOutcome};
 
 pub use crate::states::{JobState, RecordingStatus};
 pub use upm_core::job::Pace;
@@ -53,11 +48,19 @@ pub struct Store {
     runs_bytes: AtomicU64,
 }
 
+/// An open store with the report of its recovery.
+#[derive(Debug)]
+pub struct OpenOutcome {
+    /// Store in the state that recovery left.
+    pub store: Store,
+    /// Findings of the start.
+    pub recovery: RecoveryReport,
+}
+
 /// The connection with what belongs to it.
 #[derive(Debug)]
 struct Opened {
     connection: Connection,
-    ids: Ids,
     /// Exclusive lock of the data folder, released on drop.
     _lock: File,
 }
@@ -65,7 +68,6 @@ struct Opened {
 /// A write under way.
 struct Write<'a> {
     tx: Transaction<'a>,
-    ids: &'a Ids,
     now: Timestamp,
 }
 
@@ -77,6 +79,29 @@ impl Write<'_> {
 }
 
 impl Store {
+    /// Opens the store in the folder `data`, creating it if needed, and recovers the state that a crash left. Fails
+    /// when another process has the store open, when the folder is not writable, when its disk is full, and, with
+    /// nothing changed, when SQLite cannot read the store or it is of another version.
+    pub fn open(
+        data: &Path,
+        plates: &[String],
+        limits: StoreLimits,
+        now: fn() -> Timestamp,
+    ) -> Result<OpenOutcome, StoreFault> {
+        let runs = data.join("runs");
+        fs::create_dir_all(data).map_err(|error| named(data, error))?;
+        let lock = lock(data)?;
+        let file = data.join("upm.db");
+        let connection = open_database(&file).map_err(|fault| named(&file, fault))?;
+        fs::create_dir_all(&runs).map_err(|error| named(&runs, error))?;
+        let opened = Mutex::new(Some(Opened { connection, _lock: lock }));
+        let (fault, runs_bytes) = (Mutex::default(), AtomicU64::new(0));
+        let store = Self { opened, runs, limits, now, fault, runs_bytes };
+        let recovery = store.recover(plates)?;
+        store.sweep();
+        Ok(OpenOutcome { store, recovery })
+    }
+
     /// The folder of run folders.
     pub fn runs(&self) -> &Path {
         &self.runs
@@ -125,15 +150,39 @@ impl Store {
         opened: &mut Option<Opened>,
         act: impl FnOnce(&Write<'_>) -> Result<T, StoreFault>,
     ) -> Result<T, StoreFault> {
-        let Opened { connection, ids, .. } = opened.as_mut().ok_or(StoreFault::Closed)?;
+        let Opened { connection, .. } = opened.as_mut().ok_or(StoreFault::Closed)?;
         let written = (|| {
             let tx = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
-            let write = Write { tx, ids, now: (self.now)() };
+            let write = Write { tx, now: (self.now)() };
             let made = act(&write)?;
             write.tx.commit()?;
             Ok(made)
         })();
         *self.fault.lock() = written.as_ref().err().cloned();
         written
+    }
+}
+
+/// The exclusive lock of the data folder.
+fn lock(data: &Path) -> Result<File, StoreFault> {
+    let path = data.join("lock");
+    let file = File::options().write(true).create(true).truncate(false).open(&path);
+    let file = file.map_err(|error| named(&path, error))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => {
+            Err(StoreFault::Io(format!("{} belongs to another daemon that is running", data.display())))
+        }
+        Err(TryLockError::Error(error)) => Err(named(&path, error)),
+    }
+}
+
+/// The fault of an operation on `path`.
+fn named(path: &Path, fault: impl Into<StoreFault>) -> StoreFault {
+    let file = path.display();
+    match fault.into() {
+        StoreFault::Io(reason) => StoreFault::Io(format!("{file}: {reason}")),
+        StoreFault::Corrupt(reason) => StoreFault::Corrupt(format!("{file}: {reason}")),
+        other => other,
     }
 }

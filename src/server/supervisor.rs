@@ -10,29 +10,22 @@
 //! ```
 
 mod current_job;
-mod draw;
 mod emergency_stop;
+mod job_rules;
 mod latch;
-mod layout;
 mod plate;
 mod preview;
 mod run_observer;
-mod setup;
-mod shared;
-mod standing;
 mod start;
 #[cfg(test)]
 mod tests;
 mod types;
-mod validate;
 mod watchdog;
 mod worker;
 
-pub use latch::StopToken;
-pub use layout::{LayoutPartView, LayoutPathView, LayoutView};
-pub use setup::{PlateSetup, SharedServices};
-pub use shared::PlateHandle;
+pub use plate::PlateHandle;
 pub use start::PlateSupervisor;
-pub use types::{Plate, ResetFault};
+pub use types::Plate;
+pub(crate) use types::ResetFault;
 
-pub use crate::states::{PlateState, StandingState};
+pub use crate::states::PlateState;

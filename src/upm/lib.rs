@@ -19,7 +19,7 @@
 //! | stand in for a rig | [`rig`]: the trait `Rig`; [`sim`]: `SimRig`; [`ground_truth`]: `GroundTruthHandle` |
 //! | keep a run | [`recording`]: `Journal`, `RunStats`, `Report`; [`viewer`]: recordings for Rerun |
 //! | draw charts | [`chart`]: `Chart`, `svg` |
-//! | serve plates over HTTP | `daemon`, `supervisor`, `api`, with the feature `daemon` |
+//! | serve plates over HTTP | `daemon`, `api`, with the feature `daemon` |
 //! | speak of space, time and signals | [`geometry`], [`units`], [`time`], [`signal`], [`random`], [`job`] |
 //!
 //! A job in memory, from its text to its report:
@@ -62,6 +62,6 @@ pub use upm_planning::task;
 pub use upm_recording as recording;
 pub use upm_runner::{config, run};
 #[cfg(feature = "daemon")]
-pub use upm_server::{api, daemon, http, states, store, supervisor};
+pub use upm_server::{api, daemon, http, states};
 pub use upm_sim as sim;
 pub use upm_viewer as viewer;

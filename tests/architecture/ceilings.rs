@@ -18,9 +18,9 @@ const CEILINGS: [(&str, usize); 15] = [
     ("recording", 1350),
     ("runner", 5130),
     ("scene", 920),
-    ("server", 5010),
+    ("server", 4635),
     ("sim", 3490),
-    ("upm", 5040),
+    ("upm", 4943),
     ("viewer", 1465),
 ];
 

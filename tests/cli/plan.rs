@@ -41,7 +41,10 @@ fn hardly_along_y(folder: &Path) -> PathBuf {
 #[test]
 fn feasible_job_is_reported_with_its_figures_and_drawn() {
     let (folder, file) = (TempDir::new().unwrap(), root().join("configs/trajectories.json"));
-    let row = planned(&file, 0);
+    let (file, picture) = (file.to_str().unwrap(), folder.path().join("plan.svg"));
+    let args = ["check", file, "--plan", "--picture", picture.to_str().unwrap()];
+    let rows: Value = serde_json::from_str(&status(&[&args[..], &["--json"]].concat(), 0).0).unwrap();
+    let row = &rows[0];
     assert_eq!((&row["valid"], &row["plan"]["can_be_done"]), (&json!(true), &json!(true)));
     let plan = &row["plan"];
     let time = |key: &str| number(&plan["predicted_plate_time_s"][key]);
@@ -62,16 +65,18 @@ fn feasible_job_is_reported_with_its_figures_and_drawn() {
         let [first, second] = [0, 1].map(|k| number(&part["start"]["singular_values"][k]));
         assert!(first >= second && second > 0.0, "{part}");
     }
-    assert_eq!(planned(&file, 0), row, "equal jobs, equal forecasts");
 
-    let (file, picture) = (file.to_str().unwrap(), folder.path().join("plan.svg"));
-    let (said, _) = status(&["check", file, "--plan", "--picture", picture.to_str().unwrap()], 0);
+    let drawn = fs::read_to_string(&picture).unwrap();
+    let (said, _) = status(&args, 0);
+    let [least, median, most] = ["least", "median", "most"].map(time);
+    let predicted = format!(" {median:.1} s of plate time ({least:.1} to {most:.1})");
+    assert!(said.contains(&predicted), "equal jobs, equal forecasts: {predicted} {said}");
+    assert_eq!(fs::read_to_string(&picture).unwrap(), drawn);
     for label in
         ["can be done", "planner ", "predicted ", "smallest gap", "all together", "penny-1  start", "penny-2  target"]
     {
         assert_eq!(said.lines().filter(|line| line.trim_start().starts_with(label)).count(), 1, "{label}: {said}");
     }
-    let drawn = fs::read_to_string(&picture).unwrap();
     assert!(drawn.starts_with("<svg ") && drawn.trim_end().ends_with("</svg>"));
     for words in ["trajectories on upm-2", "predicted path", "target", "wanted path", "penny-1", "penny-2"] {
         assert!(drawn.contains(words), "{words}");
@@ -155,18 +160,16 @@ fn tolerance_finer_than_can_be_held_is_a_warning_and_its_run_ends_soon() {
 
 #[test]
 fn dry_run_is_the_run_without_pixels_which_can_be_verified() {
-    let file = root().join("configs/arrange-4-cor.json");
+    let folder = TempDir::new().unwrap();
+    let file = shipped(folder.path(), "arrange-2", |job| job["planner"] = json!("cor_sequence"));
     let plan = planned(&file, 0)["plan"].clone();
     assert_eq!((&plan["planner"]["name"], &plan["planner"]["chosen"]), (&json!("cor_sequence"), &json!("job")));
     let dry_run = &plan["dry_runs"][0];
-    let folder = TempDir::new().unwrap();
-    let (report, _) = run(&file, folder.path(), 0);
+    let out = folder.path().join("runs");
+    let (report, _) = run(&file, &out, 0);
     assert_eq!((&report["camera"], &report["pulses"]), (&json!("positions"), &dry_run["pulses"]));
     assert_eq!((&report["plate_time_s"], &report["seed"]), (&dry_run["plate_time_s"], &dry_run["seed"]));
-    let out = folder.path().to_str().unwrap();
+    let out = out.to_str().unwrap();
     let (verified, _) = status(&["verify", "last", "--out", out], 0);
     assert!(verified.contains("byte for byte"), "{verified}");
-    let args = ["run", file.to_str().unwrap(), "--camera", "positions", "--seeds", "1..2", "--out", out];
-    let (said, _) = status(&args, 0);
-    assert!(said.contains("2 seeds, positions in place of pictures: 2 completed"), "{said}");
 }

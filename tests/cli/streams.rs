@@ -25,8 +25,10 @@ fn full_stderr_costs_no_run_its_report_and_a_run_is_found_behind_a_link() {
     assert!(run.join("report.json").is_file());
     fs::create_dir(&out).unwrap();
     symlink(run, out.join("linked")).unwrap();
-    for name in ["last", "linked", "link"] {
-        status(&["verify", name, "--out", out.to_str().unwrap()], 0);
+    let out = out.to_str().unwrap();
+    status(&["verify", "last", "--out", out], 0);
+    for name in ["linked", "link"] {
+        status(&["export", name, "--csv", "--out", out], 0);
     }
 }
 

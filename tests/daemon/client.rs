@@ -85,8 +85,8 @@ fn faults_are_reported_one_a_line_under_the_file_name() {
 #[test]
 fn a_plate_is_stopped_reset_and_resumed_by_hand() {
     let served = TestDaemon::start();
-    let job = file(&served, &moving("endless", 600.0), Some("upm-2.json"));
-    let (stdout, _) = served.status(&["submit", &job], 0);
+    let job = file(&served, &moving("endless", 3600.0), Some("upm-2.json"));
+    let (stdout, _) = served.status(&["submit", &job, "--pace", "max"], 0);
     let id = stdout.trim_end();
     served.until_moving("endless", id);
     let mut watch = served.upm(&["watch", id, "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
@@ -132,7 +132,7 @@ fn a_plate_is_stopped_reset_and_resumed_by_hand() {
 #[test]
 fn ctrl_c_ends_the_watching_and_not_the_job() {
     let served = TestDaemon::start();
-    let id = served.submit(&moving("endless", 600.0), "real-time");
+    let id = served.submit(&moving("endless", 3600.0), "max");
     served.until_moving("endless", &id);
     let mut watch = served.upm(&["watch", &id]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut line = String::new();
@@ -148,7 +148,7 @@ fn ctrl_c_ends_the_watching_and_not_the_job() {
 #[test]
 fn watching_ends_when_its_reader_has_gone() {
     let served = TestDaemon::start();
-    let id = served.submit(&moving("endless", 600.0), "real-time");
+    let id = served.submit(&moving("endless", 3600.0), "max");
     let args = ["watch", &id, "--json"];
     let mut watch = served.upm(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut stdout = BufReader::new(watch.stdout.take().unwrap());
@@ -161,7 +161,7 @@ fn watching_ends_when_its_reader_has_gone() {
 #[test]
 fn watching_goes_on_over_a_kill_of_the_daemon() {
     let served = TestDaemon::start();
-    let id = served.submit(&moving("endless", 600.0), "real-time");
+    let id = served.submit(&moving("endless", 3600.0), "max");
     served.until_moving("endless", &id);
     let args = ["watch", &id, "--json"];
     let mut watch = served.upm(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
@@ -186,9 +186,9 @@ fn watching_goes_on_over_a_kill_of_the_daemon() {
 #[test]
 fn queued_job_can_be_run_before_the_others() {
     let served = TestDaemon::start();
-    let running = served.submit(&moving("running", 600.0), "real-time");
+    let running = served.submit(&moving("running", 3600.0), "max");
     served.until_moving("running", &running);
-    let [first, second] = ["first", "second"].map(|name| served.submit(&moving(name, 600.0), "real-time"));
+    let [first, second] = ["first", "second"].map(|name| served.submit(&moving(name, 3600.0), "max"));
     let (stdout, _) = served.status(&["run-next", &second], 0);
     assert_eq!(stdout, format!("{second}: runs next on plate {LEFT}\n"));
     assert!(served.job(&second)["turn"].as_i64() < served.job(&first)["turn"].as_i64());
@@ -202,7 +202,7 @@ fn queued_job_can_be_run_before_the_others() {
 #[test]
 fn a_job_is_cancelled_in_the_queue_and_on_the_plate() {
     let served = TestDaemon::start();
-    let running = served.submit(&moving("running", 600.0), "real-time");
+    let running = served.submit(&moving("running", 3600.0), "max");
     served.until_moving("running", &running);
     let waiting = served.submit(&rest("waiting"), "max");
     let (stdout, _) = served.status(&["cancel", &waiting], 0);

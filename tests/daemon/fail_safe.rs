@@ -42,7 +42,7 @@ fn store_of_another_version_is_bad_input_in_one_line() {
     let log = fs::read_to_string(served.folder.path().join("log")).unwrap();
     let lines: Vec<&str> = log.lines().filter(|line| line.starts_with("upm: ")).collect();
     assert_eq!(lines.len(), 1, "{log}");
-    assert!(lines[0].contains("data/upm.db: expected a job store of version 3, found version 99"), "{log}");
+    assert!(lines[0].contains("data/upm.db: expected a job store of version 4, found version 99"), "{log}");
     assert!(fs::read(&db).unwrap() == before && !served.folder.path().join("data/upm.db-wal").exists());
 }
 

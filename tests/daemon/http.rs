@@ -33,7 +33,7 @@ impl Answer {
         assert_eq!(self.header("content-type"), Some("application/problem+json"), "{self:?}");
         let document = self.json();
         assert_eq!(document["status"], status);
-        for member in ["type", "title", "detail"] {
+        for member in ["title", "detail"] {
             assert!(document[member].as_str().is_some_and(|text| !text.is_empty()), "{member}: {document}");
         }
     }

@@ -55,9 +55,13 @@ fn socket_stops_nothing_when_it_is_asked_for_nothing_that_there_is() {
         let answer = said(&served, line);
         assert!(answer["error"].is_string() && answer["stops"] == Value::Array(Vec::new()), "{line}: {answer}");
     }
-    let answer = said(&served, "{\"plates\": [\"nowhere\"]}\n");
-    assert!(answer["stops"][0]["error"].is_string() && answer["stops"][0]["answer"].is_null(), "{answer}");
     assert_eq!([LEFT, RIGHT].map(|name| served.plate(name)["state"].clone()), ["idle", "idle"]);
+    let answer = said(&served, "{\"plates\": [\"nowhere\", \"left\"]}\n");
+    assert_eq!(
+        (&answer["error"], &answer["stops"][0]["plate"]),
+        (&"expected one of left, right, found \"nowhere\"".into(), &LEFT.into())
+    );
+    assert_eq!([LEFT, RIGHT].map(|name| served.plate(name)["state"].clone()), ["stopped", "idle"]);
 }
 
 #[test]
@@ -99,7 +103,7 @@ fn stop_listener_stops_every_plate_while_silent_connections_take_all_of_the_api(
     assert!(asked_at.elapsed() < Duration::from_secs(2), "{:?}", asked_at.elapsed());
     assert_eq!(answer.status, 200);
     let stops = answer.json()["stops"].clone();
-    assert!(stops.as_array().unwrap().iter().all(|stop| stop["answer"]["persisted"] == true), "{stops}");
+    assert!(stops.as_array().unwrap().iter().all(|stop| stop["persisted"] == true), "{stops}");
     let nowhere = served.folder.path().join("nowhere");
     let args = ["estop", "--stop-url", &format!("http://{free}"), "--json", "--data", nowhere.to_str().unwrap()];
     let (stops, _) = served.status(&args, 0);

@@ -11,7 +11,7 @@ fn after_a_kill_nothing_is_lost_and_nothing_moves_by_itself() {
     let served = TestDaemon::start();
     let done = served.submit(&rest("done"), "max");
     served.until_state(&done, "completed");
-    let running = served.submit(&moving("running", 600.0), "real-time");
+    let running = served.submit(&moving("running", 3600.0), "max");
     let waiting: Vec<String> = (0..3).map(|i| served.submit(&rest(&format!("waiting-{i}")), "max")).collect();
     served.until_moving("running", &running);
     let served = served.again(TestDaemon::kill);
@@ -55,7 +55,7 @@ fn after_a_kill_nothing_is_lost_and_nothing_moves_by_itself() {
 #[test]
 fn an_emergency_stop_holds_over_a_kill() {
     let served = TestDaemon::start();
-    let running = served.submit(&moving("running", 600.0), "real-time");
+    let running = served.submit(&moving("running", 3600.0), "max");
     served.until_moving("running", &running);
     served.status(&["estop", LEFT], 0);
     let served = served.again(TestDaemon::kill);
@@ -86,7 +86,7 @@ fn fifo_in_place_of_a_recording_is_refused_at_once() {
 #[test]
 fn fifos_in_the_folder_of_an_interrupted_run_do_not_block_the_start() {
     let served = TestDaemon::start();
-    let running = served.submit(&moving("running", 600.0), "real-time");
+    let running = served.submit(&moving("running", 3600.0), "max");
     served.until_moving("running", &running);
     let served = served.again(|served| {
         served.kill();

@@ -1,15 +1,22 @@
+use schemars::JsonSchema;
+use serde::Serialize;
+
 use super::kinds::part_ids;
 use super::{JobSpec, TaskSpec};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Bin, LayoutPart, LayoutPath, Region};
+use upm_core::units::mm_points;
 use upm_planning::task::{BinParams, PathParams};
 
-/// The layout of a job on its plate, from its file: parts, targets, bins and wanted paths. It never changes.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// The layout of a job on its plate, from its file: parts, targets, bins and wanted paths. It never changes. Its JSON
+/// has millimetres from the plate's centre.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct JobLayout {
     /// The parts, in the order of the job.
     pub parts: Vec<LayoutPart>,
-    /// Target position of each part, m; empty for a task without target positions.
+    /// Target position of each part; empty for a task without target positions.
+    #[serde(rename = "targets_mm", with = "mm_points")]
+    #[schemars(with = "Vec<[f64; 2]>")]
     pub targets_m: Vec<Vec2>,
     /// Bins to sort into; empty for every other task.
     pub bins: Vec<Bin>,

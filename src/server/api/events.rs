@@ -6,7 +6,7 @@ use std::io::SeekFrom;
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::extract::State;
+use axum::extract::{Path, State};
 use axum::http::header::CACHE_CONTROL;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -17,8 +17,9 @@ use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncSeekExt, BufReader};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::sleep;
 
-use super::extract::{Api, ApiState, FromPath};
+use super::extract::{ApiState, one_word};
 use super::jobs::JobPath;
+use super::state::DaemonState;
 use crate::http::Problem;
 use crate::states::JobState;
 use crate::store::open_run_file;
@@ -29,7 +30,7 @@ const LAST_EVENT_ID: &str = "Last-Event-ID";
 pub const JOB_EVENT: &str = "job";
 
 /// Longest silence on an event stream.
-const HEARTBEAT_TIME: Duration = Duration::from_secs(5);
+const HEARTBEAT_TIME: Duration = Duration::from_millis(if cfg!(test) { 200 } else { 5000 });
 
 /// Interval at which journal and job are looked at, as long as a journal takes to be flushed.
 const POLL_INTERVAL: Duration = Duration::from_millis(250);
@@ -44,12 +45,12 @@ const LONGEST_LINE: u64 = 8 << 20;
 /// with the daemon, or with the client.
 pub(super) async fn watch(
     State(api): ApiState,
-    FromPath(JobPath { id }): FromPath<JobPath>,
+    Path(JobPath { id }): Path<JobPath>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let after = last_event_id(&headers)?;
     let full = |_| Problem::busy("too many event streams", 10);
-    let permit = api.daemon.event_streams.clone().try_acquire_owned().map_err(full)?;
+    let permit = api.event_streams.clone().try_acquire_owned().map_err(full)?;
     // an unknown job is refused before the stream begins
     api.on_job(&id, |daemon, id| daemon.row(&id)).await?;
     let watcher = JobWatcher { api, id, after, journal: None, state: None, end: None, is_over: false, permit };
@@ -62,17 +63,15 @@ pub(super) async fn watch(
 }
 
 fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
-    let mut values = headers.get_all(LAST_EVENT_ID).iter();
-    let Some(value) = values.next() else { return Ok(None) };
-    let text = value.to_str().unwrap_or_default();
-    let is_id = (1..=18).contains(&text.len()) && text.bytes().all(|b| b.is_ascii_digit()) && values.next().is_none();
-    let bad = || Problem::new(StatusCode::BAD_REQUEST, format!("{LAST_EVENT_ID} is the id of an event"));
-    is_id.then(|| text.parse().ok()).flatten().map(Some).ok_or_else(bad)
+    let Some(text) = one_word(headers, LAST_EVENT_ID, 18)? else { return Ok(None) };
+    let is_id = text.bytes().all(|b| b.is_ascii_digit());
+    let bad = || Problem::new(StatusCode::BAD_REQUEST, format!("{LAST_EVENT_ID}: expected the id of an event"));
+    text.parse().ok().filter(|_| is_id).map(Some).ok_or_else(bad)
 }
 
 /// The event stream of one client that watches one job.
 struct JobWatcher {
-    api: Arc<Api>,
+    api: Arc<DaemonState>,
     id: String,
     /// Offset from which the client wants the journal; `None` for its present end.
     after: Option<u64>,
@@ -102,7 +101,7 @@ impl JobWatcher {
             }
             if self.state.is_some() {
                 tokio::select! {
-                    () = self.api.stop.cancelled() => return None,
+                    () = self.api.ending.cancelled() => return None,
                     () = sleep(POLL_INTERVAL) => {}
                 }
             }

@@ -1,19 +1,20 @@
 use std::fs::File;
-use std::io::{self, ErrorKind};
-use std::path::Path;
+use std::io::ErrorKind;
+use std::sync::Arc;
 use std::time::Duration;
 
+use aide::openapi::OpenApi;
 use axum::body::Body;
-use axum::extract::State;
+use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::http::header::{CONTENT_DISPOSITION, CONTENT_LENGTH, CONTENT_TYPE, HeaderName};
 use axum::response::{IntoResponse, Response};
-use futures_util::StreamExt;
+use axum::{Extension, Json};
 use tokio::io::AsyncReadExt;
 use tokio::time::sleep;
 use tokio_util::io::ReaderStream;
 
-use super::extract::{ApiState, FromPath};
+use super::extract::ApiState;
 use super::jobs::JobPath;
 use super::state::{conflict, unknown};
 use crate::http::Problem;
@@ -30,14 +31,11 @@ const UPM_AGE_MS: HeaderName = HeaderName::from_static("upm-age-ms");
 const PICTURE_TRIES: usize = 10;
 const PICTURE_AGAIN: Duration = Duration::from_millis(100);
 
-/// Most recordings sent at once.
-pub(super) const DOWNLOADS: usize = 8;
-
 /// Bytes read from a file at a time.
 const CHUNK_BYTES: usize = 64 << 10;
 
 /// The newest picture of a job that is on a plate.
-pub(super) async fn frame(State(api): ApiState, FromPath(job): FromPath<JobPath>) -> Result<Response, Problem> {
+pub(super) async fn frame(State(api): ApiState, Path(job): Path<JobPath>) -> Result<Response, Problem> {
     // pictures are only made on request, so the first takes a moment
     for _ in 0..PICTURE_TRIES {
         let picture = api.on_job(&job.id, |daemon, id| {
@@ -52,14 +50,12 @@ pub(super) async fn frame(State(api): ApiState, FromPath(job): FromPath<JobPath>
     Err(Problem::busy("there is no picture yet", 1))
 }
 
-pub(super) async fn openapi(State(api): ApiState) -> Response {
-    ([(CONTENT_TYPE, "application/json")], api.document.clone()).into_response()
+pub(super) async fn openapi(Extension(document): Extension<Arc<OpenApi>>) -> Response {
+    Json(&*document).into_response()
 }
 
 /// The recording of a job that has ended.
-pub(super) async fn recording(State(api): ApiState, FromPath(job): FromPath<JobPath>) -> Result<Response, Problem> {
-    let full = |_| Problem::busy("too many recordings are being sent", 10);
-    let permit = api.downloads.clone().try_acquire_owned().map_err(full)?;
+pub(super) async fn recording(State(api): ApiState, Path(job): Path<JobPath>) -> Result<Response, Problem> {
     let opened = api.on_job(&job.id, |daemon, id| {
         let row = daemon.row(&id)?;
         Ok((open(daemon.store.runs(), &row)?, row.job.name))
@@ -72,12 +68,11 @@ pub(super) async fn recording(State(api): ApiState, FromPath(job): FromPath<JobP
         (CONTENT_LENGTH, bytes.to_string()),
         (CONTENT_DISPOSITION, format!("attachment; filename=\"{name}.rrd\"")),
     ];
-    // the permit is held until the client has taken the file, or has gone
-    Ok((headers, Body::from_stream(chunks.inspect(move |_| _ = &permit))).into_response())
+    Ok((headers, Body::from_stream(chunks)).into_response())
 }
 
 /// The recording of a job that has ended, opened, and its size. Waits for the disk.
-fn open(runs: &Path, row: &JobRow) -> Result<(File, u64), Problem> {
+fn open(runs: &std::path::Path, row: &JobRow) -> Result<(File, u64), Problem> {
     let none = match (row.state, row.recording) {
         (JobState::Queued, _) => return Err(unknown("the job has not begun")),
         (JobState::Running, _) => return Err(conflict("the recording is still being written")),
@@ -92,11 +87,9 @@ fn open(runs: &Path, row: &JobRow) -> Result<(File, u64), Problem> {
     opened.map(|(bytes, file)| (file, bytes)).map_err(|error| match error.kind() {
         ErrorKind::NotFound => unknown(none),
         ErrorKind::InvalidInput => conflict(format!("the recording is not served: {error}")),
-        _ => unread(&error),
+        _ => {
+            tracing::error!("a recording cannot be read: {error}");
+            Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the recording cannot be read")
+        }
     })
-}
-
-fn unread(error: &io::Error) -> Problem {
-    tracing::error!("a recording cannot be read: {error}");
-    Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "the recording cannot be read")
 }

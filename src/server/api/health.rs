@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use crate::http::{Reason, ReasonCode};
-use crate::store::{JobState, StoreFault};
+use crate::store::{JobState, StoreFault, low_disk};
 use crate::supervisor::{Plate, PlateState};
 
 /// Longest silence of a healthy store: it is read twice a second.
@@ -42,9 +42,8 @@ pub(crate) struct Observed {
 pub(crate) fn liveness_failures(observed: &Observed) -> Vec<Reason> {
     let mut failures = Vec::new();
     if observed.store_silence > LONGEST_SILENCE {
-        let silent_s = observed.store_silence.as_secs_f64();
-        failures
-            .push(Reason::new(ReasonCode::StoreHangs, format!("the job store has not responded for {silent_s:.1} s")));
+        let detail = format!("the job store has not responded for {:.1} s", observed.store_silence.as_secs_f64());
+        failures.push(Reason::new(ReasonCode::StoreHangs, detail));
     }
     let dead = observed.plates_alive.as_ref().err();
     failures.extend(dead.map(|dead| Reason::new(ReasonCode::PlatesDead, dead.clone())));
@@ -59,18 +58,12 @@ pub(super) fn readiness_failures(observed: &Observed) -> Vec<Reason> {
     }
     let fault = observed.store_fault.as_ref();
     failures.extend(fault.map(|fault| Reason::new(ReasonCode::StoreUnwritable, fault.to_string())));
-    failures.extend(low_disk(observed).map(|low| Reason::new(ReasonCode::DiskLow, low)));
+    let low = low_disk(observed.free_bytes, observed.min_free_bytes);
+    failures.extend(low.map(|low| Reason::new(ReasonCode::DiskLow, low)));
     if observed.plates.iter().all(|plate| plate.state == PlateState::Stopped) {
         failures.push(Reason::new(ReasonCode::AllStopped, "an emergency stop holds on every plate"));
     }
     failures
-}
-
-fn low_disk(observed: &Observed) -> Option<String> {
-    let min_free_bytes = observed.min_free_bytes;
-    let free_bytes = observed.free_bytes.filter(|free_bytes| *free_bytes < min_free_bytes)?;
-    let [free_mb, min_free_mb] = [free_bytes, min_free_bytes].map(|bytes| bytes as f64 * 1e-6);
-    Some(format!("the disk has {free_mb:.1} MB left, jobs are taken from {min_free_mb:.1} MB on"))
 }
 
 #[cfg(test)]
@@ -145,7 +138,7 @@ mod tests {
     fn conditions_that_bar_new_jobs_fail_readiness_only() {
         unready(|o| o.is_stopping = true, "the daemon is ending");
         unready(|o| o.store_fault = Some(StoreFault::Full), "the disk of the job store is full");
-        let full = "the disk has 500.0 MB left, jobs are taken from 500.0 MB on";
+        let full = "the disk has 500.0 MB left, jobs are taken from 500.0 MB on (`disk.min_free_mb`)";
         unready(|o| o.free_bytes = Some(499_999_999), full);
         assert_eq!(failures(|o| o.free_bytes = Some(500_000_000)).1, [""; 0]);
         assert_eq!(failures(|o| o.free_bytes = None).1, [""; 0]);

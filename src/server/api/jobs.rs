@@ -1,23 +1,60 @@
-use axum::extract::State;
+use axum::extract::{Path, State};
 use axum::http::header::LOCATION;
-use axum::http::{HeaderName, StatusCode};
+use axum::http::{HeaderMap, HeaderName, StatusCode};
 use axum::response::{IntoResponse, NoContent, Response};
 use axum::{Extension, Json};
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
-use super::extract::{Answer, ApiState, FromHeaders, FromPath, FromQuery, JsonBody, RequestCaller};
-use super::state::{audit_entry, conflict, no_job};
-use super::submit::Submission;
-use super::types::{Checked, JobsPage, JobsQuery};
+use super::extract::{Answer, ApiState, FromQuery, JsonBody, RequestCaller, one_word};
+use super::state::{DaemonState, audit_entry, conflict, no_job};
 use crate::http::Problem;
 use crate::states::JobState;
 use crate::store::{AuditEntry, Job, JobId};
-use crate::supervisor::LayoutView;
 use upm_core::job::Pace;
-use upm_runner::config::JobFile;
+use upm_runner::config::{JobFile, JobLayout};
 
 const IDEMPOTENCY_REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
+
+/// Selection of jobs to list, newest first.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[schemars(inline)]
+#[serde(deny_unknown_fields)]
+pub struct JobsQuery {
+    /// Only jobs in this state.
+    pub state: Option<JobState>,
+    /// Most jobs on the page.
+    #[serde(default = "usual_limit")]
+    #[schemars(range(min = 1, max = 200))]
+    pub limit: usize,
+    /// `next` of the page before, a job that need not exist any more: only older ones.
+    #[schemars(length(equal = 32))]
+    pub cursor: Option<String>,
+}
+
+fn usual_limit() -> usize {
+    50
+}
+
+/// A page of jobs, newest first.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct JobsPage {
+    /// At most `limit` jobs of those that match the query.
+    pub jobs: Vec<Job>,
+    /// Cursor of the next page; null on the last.
+    pub next: Option<String>,
+}
+
+/// A job that is ready to be queued.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+pub struct Checked {
+    /// Name of the job.
+    pub name: String,
+    /// Plate to which it would go.
+    pub plate: String,
+    /// Parts, targets, bins and paths that the job asks for.
+    pub layout: JobLayout,
+}
 
 /// Path of an operation on one job.
 #[derive(Deserialize, JsonSchema)]
@@ -36,32 +73,30 @@ pub(super) struct SubmitQuery {
     pace: Option<Pace>,
 }
 
-#[derive(Deserialize, JsonSchema)]
-#[schemars(inline)]
-pub(super) struct SubmitHeaders {
-    /// The same key and body again within a day, and as long as the job is stored, give the same job again.
-    #[serde(rename = "Idempotency-Key")]
-    #[schemars(length(min = 1, max = 255))]
-    key: Option<String>,
-}
+/// Header with the idempotency key, and its most characters.
+pub(super) const IDEMPOTENCY_KEY: &str = "Idempotency-Key";
+pub(super) const MOST_KEY: usize = 255;
 
-type OneJob = FromPath<JobPath>;
+type OneJob = Path<JobPath>;
 
 pub(super) async fn submit(
     State(api): ApiState,
     FromQuery(query): FromQuery<SubmitQuery>,
-    FromHeaders(headers): FromHeaders<SubmitHeaders>,
+    headers: HeaderMap,
     body: JsonBody<JobFile>,
 ) -> Result<Response, Problem> {
-    let submission = Submission { text: body.text, pace: query.pace, key: headers.key };
-    let (job, is_replayed) = api.checking(move |daemon, is_awaited| daemon.submit(&submission, is_awaited)).await?;
+    let key = one_word(&headers, IDEMPOTENCY_KEY, MOST_KEY)?.map(str::to_owned);
+    let submit = move |daemon: &DaemonState, is_awaited: &dyn Fn() -> bool| {
+        daemon.submit(&body.text, query.pace, key, is_awaited)
+    };
+    let (job, is_replayed) = api.blocking(submit).await?;
     let location = [(LOCATION, format!("/v1/jobs/{}", job.id))];
     let replayed = is_replayed.then_some([(IDEMPOTENCY_REPLAYED, "true")]);
     Ok((StatusCode::CREATED, location, replayed, Json(job)).into_response())
 }
 
 pub(super) async fn check(State(api): ApiState, body: JsonBody<JobFile>) -> Answer<Checked> {
-    Ok(Json(api.checking(move |daemon, _| daemon.check(&body.text)).await?))
+    Ok(Json(api.blocking(move |daemon, _| daemon.check(&body.text)).await?))
 }
 
 pub(super) async fn list(State(api): ApiState, FromQuery(query): FromQuery<JobsQuery>) -> Answer<JobsPage> {
@@ -77,12 +112,12 @@ pub(super) async fn list(State(api): ApiState, FromQuery(query): FromQuery<JobsQ
     Ok(Json(page.await?))
 }
 
-pub(super) async fn show(State(api): ApiState, FromPath(job): OneJob) -> Answer<Job> {
+pub(super) async fn show(State(api): ApiState, Path(job): OneJob) -> Answer<Job> {
     Ok(Json(api.on_job(&job.id, |daemon, id| Ok(daemon.seen(daemon.row(&id)?))).await?))
 }
 
 /// The layout of a job that is on a plate.
-pub(super) async fn layout(State(api): ApiState, FromPath(job): OneJob) -> Answer<LayoutView> {
+pub(super) async fn layout(State(api): ApiState, Path(job): OneJob) -> Answer<JobLayout> {
     let layout = api.on_job(&job.id, |daemon, id| {
         let plate = daemon.plate_under(&id, "there is a layout of a job only while it runs")?;
         plate.job.layout.lock().clone().ok_or_else(|| Problem::busy("the job is being read", 1))
@@ -91,7 +126,7 @@ pub(super) async fn layout(State(api): ApiState, FromPath(job): OneJob) -> Answe
 }
 
 /// Moves a queued job to the front of its plate's queue.
-pub(super) async fn run_next(State(api): ApiState, FromPath(job): OneJob, by: RequestCaller) -> Answer<Job> {
+pub(super) async fn run_next(State(api): ApiState, Path(job): OneJob, by: RequestCaller) -> Answer<Job> {
     tracing::info!(job = job.id, caller = by.name, "run next");
     let moved = api.on_job(&job.id, |daemon, id| {
         let row = daemon.store.move_to_front(&id)?.ok_or_else(no_job)?;
@@ -104,7 +139,7 @@ pub(super) async fn run_next(State(api): ApiState, FromPath(job): OneJob, by: Re
 }
 
 /// Takes a job out of the queue, or has its plate end it.
-pub(super) async fn cancel(State(api): ApiState, FromPath(job): OneJob, by: RequestCaller) -> Answer<Job> {
+pub(super) async fn cancel(State(api): ApiState, Path(job): OneJob, by: RequestCaller) -> Answer<Job> {
     tracing::info!(job = job.id, caller = by.name, "cancel");
     let cancelled = api.on_job(&job.id, |daemon, id| {
         let (row, is_cancelled) = daemon.store.cancel_queued(&id)?.ok_or_else(no_job)?;
@@ -123,7 +158,7 @@ pub(super) async fn cancel(State(api): ApiState, FromPath(job): OneJob, by: Requ
 /// Deletes a job that does not run.
 pub(super) async fn delete(
     State(api): ApiState,
-    FromPath(job): OneJob,
+    Path(job): OneJob,
     Extension(caller): RequestCaller,
 ) -> Result<NoContent, Problem> {
     tracing::info!(job = job.id, caller = caller.name, "delete");

@@ -17,8 +17,6 @@ use super::health::{Observed, liveness_failures, readiness_failures};
 use crate::supervisor::{Plate, PlateState};
 use upm_recording::RecordingState;
 
-const RECORDING_STATES: [&str; 4] = ["off", "writing", "failed", "whole"];
-
 type Labels = Vec<(&'static str, String)>;
 
 /// The registry of one scrape.
@@ -105,7 +103,7 @@ fn of_plates(scrape: &mut Scrape, plates: &[Plate]) {
     );
     let recording = plates.iter().flat_map(|plate| {
         let now = recording_state(plate.recording.as_ref());
-        one_of(plate, RECORDING_STATES.map(|state| (state, state == now)))
+        one_of(plate, ["off", "writing", "failed", "whole"].map(|state| (state, state == now)))
     });
     let help = "State of the job's recording: 1 for the current state, 0 for the others";
     scrape.gauge("recording_state", help, None, recording);

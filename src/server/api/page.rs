@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use axum::extract::State;
+use axum::extract::{Path, State};
 use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
@@ -12,21 +12,21 @@ use serde::Serialize;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::extract::{ApiState, FromPath};
+use super::extract::ApiState;
 use crate::http::Problem;
 
 static FILES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../assets/page");
 static CONFIGS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../configs");
 
 pub(super) async fn index(state: ApiState, headers: HeaderMap) -> Result<Response, Problem> {
-    asset(state, FromPath("index.html".to_owned()), headers).await
+    asset(state, Path("index.html".to_owned()), headers).await
 }
 
 /// A file of the page, or the shipped jobs under the name `examples.json`. `no-cache` has browsers ask each time
 /// whether it has changed.
 pub(super) async fn asset(
     State(api): ApiState,
-    FromPath(name): FromPath<String>,
+    Path(name): Path<String>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let no_file = || Problem::new(StatusCode::NOT_FOUND, "the operator page has no such file");
@@ -35,7 +35,7 @@ pub(super) async fn asset(
     let headers_of_all = [
         (ETAG, etag.clone()),
         (CACHE_CONTROL, "no-cache".to_owned()),
-        (CONTENT_SECURITY_POLICY, policy(api.daemon.spec.stop_listen.map(|address| address.port()))),
+        (CONTENT_SECURITY_POLICY, policy(api.spec.stop_listen.map(|address| address.port()))),
     ];
     if headers.get(IF_NONE_MATCH).is_some_and(|tag| tag.as_bytes() == etag.as_bytes()) {
         return Ok((headers_of_all, StatusCode::NOT_MODIFIED).into_response());

@@ -16,12 +16,12 @@ use axum::routing::get;
 use schemars::generate::SchemaSettings;
 use serde_json::json;
 
-use super::extract::Api;
+use super::state::DaemonState;
 use super::{events, files, jobs, page, plates};
 use crate::http::{Caller, PROBLEM_JSON, Peer, Problem, ProblemDocument, Scope, Tokens};
 use crate::store::Job;
 
-type Routes = ApiRouter<Arc<Api>>;
+type Routes = ApiRouter<Arc<DaemonState>>;
 
 /// All routes. Every operation beyond health and page needs one of `tokens`, where there are any.
 pub(super) fn routes(tokens: &Arc<Tokens>) -> Routes {
@@ -73,7 +73,14 @@ fn operate() -> Routes {
     ApiRouter::new()
         .api_route(
             "/v1/jobs",
-            post_with(jobs::submit, |operation| named("submit", submit)(operation).response::<201, Json<Job>>()),
+            post_with(jobs::submit, |operation| {
+                let mut operation = named("submit", submit)(operation).response::<201, Json<Job>>();
+                let about = "The same key and body again within a day, and as long as the job is stored, give the same job again.";
+                let schema = json!({"type": "string", "minLength": 1, "maxLength": jobs::MOST_KEY});
+                let key = json!({"in": "header", "name": jobs::IDEMPOTENCY_KEY, "description": about, "schema": schema});
+                operation.inner_mut().parameters.extend(serde_json::from_value(key).ok());
+                operation
+            }),
         )
         .api_route("/v1/check", post_with(jobs::check, named("check", "Check a job without queueing it")))
         .api_route("/v1/jobs/{id}", delete_with(jobs::delete, named("delete", delete)))
@@ -90,9 +97,11 @@ fn admitted(routes: Routes, scope: Scope, tokens: &Arc<Tokens>) -> Routes {
         .route_layer(from_fn_with_state((tokens.clone(), scope), admit))
 }
 
-type Needed = (Arc<Tokens>, Scope);
-
-async fn admit(State((tokens, scope)): State<Needed>, mut request: Request, next: Next) -> Result<Response, Problem> {
+async fn admit(
+    State((tokens, scope)): State<(Arc<Tokens>, Scope)>,
+    mut request: Request,
+    next: Next,
+) -> Result<Response, Problem> {
     let name = tokens.admit(request.headers(), scope)?;
     let remote = request.extensions().get().map(|Peer(address)| *address);
     request.extensions_mut().insert(Caller { name, remote });

@@ -1,14 +1,17 @@
+use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use axum::http::StatusCode;
 use parking_lot::Mutex;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use tokio::sync::Semaphore;
+use tokio::task::spawn_blocking;
+use tokio_util::sync::CancellationToken;
 
 use super::health::Observed;
-use super::types::EStopped;
-use crate::http::{Caller, Problem};
+use crate::http::{Caller, Confirmations, Problem, Tokens};
 use crate::store::{AuditEntry, Job, JobId, JobRow, JobState, Store, StoreFault};
 use crate::supervisor::{Plate, PlateHandle, PlateSupervisor, ResetFault};
 use upm_core::files::free_bytes;
@@ -18,27 +21,47 @@ use upm_runner::config::DaemonSpec;
 /// Most event streams at once.
 pub(crate) const EVENT_STREAMS: usize = 256;
 
-/// State from which the API is served.
+/// Stops that the API confirms at once.
+const CONFIRMED_AT_ONCE: usize = 2;
+
+/// State that all handlers share.
 #[derive(Debug)]
 pub(crate) struct DaemonState {
     pub spec: DaemonSpec,
     pub store: Arc<Store>,
     pub plates: PlateSupervisor,
+    pub tokens: Arc<Tokens>,
     pub clock: MonotonicClock,
-    /// True once the daemon is shutting down.
-    pub ending: AtomicBool,
+    /// Cancelled once the daemon is shutting down; ends the server and event streams.
+    pub ending: CancellationToken,
     counted: Mutex<Counted>,
+    pub confirmations: Confirmations,
     /// Places for event streams.
     pub event_streams: Arc<Semaphore>,
     pub version: &'static str,
+}
+
+/// Result of an emergency stop.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct EStopped {
+    /// Name of the plate.
+    pub plate: String,
+    /// True once the motors were seen at zero; a plate at rest has nothing to stop.
+    pub silent: bool,
+    /// True when the stop is on the disk and holds over a restart.
+    pub persisted: bool,
+    /// Plate time of the request, s.
+    pub requested_at_s: Option<f64>,
+    /// Plate time from which the force was zero, s.
+    pub silent_at_s: Option<f64>,
+    /// Wall time between the two, s.
+    pub wall_s: Option<f64>,
 }
 
 /// Numbers of jobs and free space at the last count.
 #[derive(Clone, Debug)]
 struct Counted {
     at: Duration,
-    /// Jobs queued for each plate.
-    queued: Vec<(String, u64)>,
     /// Jobs of each plate in each state.
     jobs: Vec<(String, JobState, u64)>,
     /// Free bytes on the disk of the run folders; `None` when unknown.
@@ -51,13 +74,49 @@ impl DaemonState {
         spec: DaemonSpec,
         store: Arc<Store>,
         plates: PlateSupervisor,
+        tokens: Arc<Tokens>,
         clock: MonotonicClock,
         version: &'static str,
-    ) -> Self {
-        let counted =
-            Mutex::new(Counted { at: clock.elapsed(), queued: Vec::new(), jobs: Vec::new(), free_bytes: None });
-        let event_streams = Arc::new(Semaphore::new(EVENT_STREAMS));
-        Self { spec, store, plates, clock, ending: AtomicBool::new(false), counted, event_streams, version }
+    ) -> io::Result<Self> {
+        let counted = Mutex::new(Counted { at: clock.elapsed(), jobs: Vec::new(), free_bytes: None });
+        Ok(Self {
+            spec,
+            store,
+            plates,
+            tokens,
+            clock,
+            ending: CancellationToken::new(),
+            counted,
+            confirmations: Confirmations::start("stops", CONFIRMED_AT_ONCE)?,
+            event_streams: Arc::new(Semaphore::new(EVENT_STREAMS)),
+            version,
+        })
+    }
+
+    /// The answer of `work`, which may wait for the disk. The work gets a test of whether the client still waits, and
+    /// is left out when it does not.
+    pub async fn blocking<T: Send + 'static>(
+        self: &Arc<Self>,
+        work: impl FnOnce(&Self, &dyn Fn() -> bool) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        let (daemon, gone) = (Arc::clone(self), CancellationToken::new());
+        let _awaited = gone.clone().drop_guard();
+        let answer = spawn_blocking(move || {
+            let is_awaited = || !gone.is_cancelled();
+            if is_awaited() { work(&daemon, &is_awaited) } else { Err(unheard()) }
+        });
+        let broken = |_| Err(Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal error"));
+        answer.await.unwrap_or_else(broken)
+    }
+
+    /// The answer of `work` on the job with the id `text`.
+    pub async fn on_job<T: Send + 'static>(
+        self: &Arc<Self>,
+        text: &str,
+        work: impl FnOnce(&Self, JobId) -> Result<T, Problem> + Send + 'static,
+    ) -> Result<T, Problem> {
+        let id = JobId::parse(text).ok_or_else(no_job)?;
+        self.blocking(move |daemon, _| work(daemon, id)).await
     }
 
     pub fn plate(&self, name: &str) -> Result<&Arc<PlateHandle>, Problem> {
@@ -83,51 +142,45 @@ impl DaemonState {
 
     /// A plate now, with its queue as last counted.
     pub fn plate_now(&self, plate: &PlateHandle) -> Plate {
-        let counted = self.counted.lock();
-        let queued = counted.queued.iter().find(|(name, _)| name == plate.name()).map_or(0, |(_, count)| *count);
-        drop(counted);
+        let is_queued =
+            |(name, state, _): &&(String, JobState, u64)| name == plate.name() && *state == JobState::Queued;
+        let queued = self.counted.lock().jobs.iter().find(is_queued).map_or(0, |(.., count)| *count);
         Plate { queued, ..plate.snapshot() }
     }
 
     /// The plate's state after an operation on it.
     pub fn plate_after(&self, plate: &PlateHandle) -> Plate {
-        self.count_queued();
+        self.count_jobs();
         self.plate_now(plate)
     }
 
     /// Stores an emergency stop already made in the audit log and reports its result.
-    pub fn confirm_stop(&self, name: &str, caller: &Caller) -> Result<EStopped, Problem> {
-        let plate = self.plate(name)?;
-        plate.wait_until_motors_off();
+    pub fn confirm_stop(&self, plate: &Arc<PlateHandle>, caller: &Caller) -> EStopped {
         let persisted = plate.record_estop(audit_entry(caller.clone()));
         let times = plate.emergency_stop.interlock.stop_times();
-        Ok(EStopped {
-            plate: name.to_owned(),
+        EStopped {
+            plate: plate.name().to_owned(),
             silent: times.is_some(),
             persisted,
             requested_at_s: times.map(|times| times.requested_at.secs()),
             silent_at_s: times.map(|times| times.motors_off_at.secs()),
             wall_s: times.map(|times| times.wall.as_secs_f64()),
-        })
-    }
-
-    /// Counts queued jobs; when the store fails, the previous numbers remain.
-    pub fn count_queued(&self) {
-        if let Ok(queued) = self.store.queued() {
-            self.counted.lock().queued = queued;
         }
     }
 
-    /// Counts queued jobs and the free space, and `all` jobs, which takes as long as there are many; sees whether a
-    /// store that failed can be written again, and writes stops and pauses that could not be written. Waits for the
-    /// disk.
-    pub fn count(&self, all: bool) {
-        self.store.retry();
-        self.plates.persist_again();
-        self.count_queued();
-        if let Some(jobs) = all.then(|| self.store.counts().ok()).flatten() {
+    /// Counts jobs; when the store fails, the previous numbers remain.
+    pub fn count_jobs(&self) {
+        if let Ok(jobs) = self.store.counts() {
             self.counted.lock().jobs = jobs;
         }
+    }
+
+    /// Counts jobs and the free space; sees whether a store that failed can be written again, and writes stops and
+    /// pauses that could not be written. Waits for the disk.
+    pub fn count(&self) {
+        self.store.retry();
+        self.plates.persist_again();
+        self.count_jobs();
         let free_bytes = free_bytes(self.store.runs()).ok();
         let mut counted = self.counted.lock();
         (counted.at, counted.free_bytes) = (self.clock.elapsed(), free_bytes);
@@ -140,7 +193,7 @@ impl DaemonState {
         Observed {
             version: self.version,
             uptime: now,
-            is_stopping: self.ending.load(Ordering::SeqCst),
+            is_stopping: self.ending.is_cancelled(),
             plates_alive: self.plates.alive(),
             plates: self.plates.iter().map(|plate| self.plate_now(plate)).collect(),
             jobs,

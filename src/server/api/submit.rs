@@ -1,41 +1,26 @@
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use axum::http::StatusCode;
 use axum::http::header::RETRY_AFTER;
-use serde::de::IgnoredAny;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
+use super::jobs::Checked;
 use super::state::{DaemonState, conflict, unheard};
-use super::types::Checked;
 use crate::http::Problem;
-use crate::store::{Job, NewJob, Pace, SubmitOutcome};
+use crate::store::{Job, Pace, SubmitOutcome, low_disk};
 use crate::supervisor::PlateHandle;
 use upm_core::files::free_bytes;
-use upm_runner::config::{Diagnostic, PlateSpec};
+use upm_runner::config::{Diagnostic, JobLayout, PlateSpec};
 
 /// `Retry-After` for a full queue, s. A guess, chosen to keep retries cheap.
 const FULL_RETRY_S: u32 = 5;
 
-/// A submitted job.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Submission {
-    /// Body of the request.
-    pub text: String,
-    /// Requested pace; `None` for that of the daemon's configuration.
-    pub pace: Option<Pace>,
-    /// Idempotency key.
-    pub key: Option<String>,
-}
-
-impl Submission {
-    /// Fingerprint that a repeated key must match: the body and the requested pace. Values that the daemon derives from
-    /// either are excluded, since they may change with a restart.
-    fn sha256(&self) -> [u8; 32] {
-        let pace = self.pace.map_or("none", Pace::code);
-        Sha256::new().chain_update(pace).chain_update("\n").chain_update(&self.text).finalize().into()
-    }
+/// Fingerprint that a repeated key must match: the body and the requested pace. Values that the daemon derives from
+/// either are excluded, since they may change with a restart.
+fn sha256_of(text: &str, pace: Option<Pace>) -> [u8; 32] {
+    let pace = pace.map_or("none", Pace::code);
+    Sha256::new().chain_update(pace).chain_update("\n").chain_update(text).finalize().into()
 }
 
 impl DaemonState {
@@ -44,23 +29,25 @@ impl DaemonState {
     /// again. Takes milliseconds and waits for the disk.
     pub(super) fn submit(
         &self,
-        submission: &Submission,
+        text: &str,
+        pace: Option<Pace>,
+        key: Option<String>,
         is_awaited: &dyn Fn() -> bool,
     ) -> Result<(Job, bool), Problem> {
-        let body_sha256 = submission.sha256();
-        if let Some(key) = &submission.key
+        let body_sha256 = sha256_of(text, pace);
+        if let Some(key) = &key
             && let Some(known) = self.store.repeated(key, &body_sha256)?
         {
             return submitted(known);
         }
-        if self.ending.load(Ordering::SeqCst) {
+        if self.ending.is_cancelled() {
             return Err(Problem::busy("the daemon ends", 1));
         }
-        let plate = self.plate_of(&submission.text)?;
-        let job = plate.validate(&submission.text, submission.pace.unwrap_or(self.spec.pace));
-        let job = job.map_err(|faults| faulty(&submission.text, faults))?;
+        let plate = self.plate_of(text)?;
+        let job = plate.rules.validated(text, pace.unwrap_or(self.spec.pace));
+        let mut job = job.map_err(Problem::of_document)?;
         self.is_accepting(plate)?;
-        let job = NewJob { body_sha256, key: submission.key.clone(), ..job };
+        (job.row.body_sha256, job.row.key) = (body_sha256, key);
         let accepted = self.store.accept(&job, is_awaited)?.ok_or_else(unheard)?;
         if matches!(accepted, SubmitOutcome::New(_)) {
             plate.job_queued();
@@ -71,8 +58,8 @@ impl DaemonState {
     /// Checks a job as for queueing, regardless of the state of its plate. Takes milliseconds.
     pub(super) fn check(&self, text: &str) -> Result<Checked, Problem> {
         let plate = self.plate_of(text)?;
-        let (name, layout) = plate.check(text).map_err(|faults| faulty(text, faults))?;
-        Ok(Checked { name, plate: plate.name().to_owned(), layout })
+        let job = plate.rules.checked(text).map_err(Problem::of_document)?;
+        Ok(Checked { name: job.name.clone(), plate: plate.name().to_owned(), layout: JobLayout::of(&job) })
     }
 
     /// The plate that a job names. A job that names none goes to the default plate, or, when it brings a rig, to one
@@ -96,7 +83,7 @@ impl DaemonState {
     fn unaddressed(&self, found: &str) -> Problem {
         let allowed = format!("one of {}", self.spec.plate_names().join(", "));
         let fault = Diagnostic::new("job", "plate", found.to_owned(), allowed);
-        Problem::of_faults(StatusCode::UNPROCESSABLE_ENTITY, vec![fault])
+        Problem::of_document(vec![fault])
     }
 
     /// The reason why `plate` takes no jobs.
@@ -105,11 +92,8 @@ impl DaemonState {
             let why = format!("plate {} is stopped by an emergency stop: it must be reset first", plate.name());
             return Err(conflict(why));
         }
-        let needed = self.spec.min_free_bytes;
-        let Some(free) = free_bytes(self.store.runs()).ok().filter(|free| *free < needed) else { return Ok(()) };
-        let [free_mb, needed_mb] = [free, needed].map(|bytes| bytes as f64 * 1e-6);
-        let why = format!("{free_mb:.1} MB are free on the disk, {needed_mb:.1} are needed (`disk.min_free_mb`)");
-        Err(Problem::new(StatusCode::INSUFFICIENT_STORAGE, why))
+        let low = low_disk(free_bytes(self.store.runs()).ok(), self.spec.min_free_bytes);
+        low.map_or(Ok(()), |why| Err(Problem::new(StatusCode::INSUFFICIENT_STORAGE, why)))
     }
 }
 
@@ -128,23 +112,15 @@ fn submitted(accepted: SubmitOutcome) -> Result<(Job, bool), Problem> {
     }
 }
 
-/// The refusal of a job's text with its faults.
-fn faulty(text: &str, faults: Vec<Diagnostic>) -> Problem {
-    let is_json = serde_json::from_str::<IgnoredAny>(text).is_ok();
-    let status = if is_json { StatusCode::UNPROCESSABLE_ENTITY } else { StatusCode::BAD_REQUEST };
-    Problem::of_faults(status, faults)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn idempotency_key_is_bound_to_text_and_pace() {
-        let sha256 = |text: &str, pace| Submission { text: text.to_owned(), pace, key: Some("k".to_owned()) }.sha256();
         let asked = [("{}", None), ("{}", Some(Pace::RealTime)), ("{}", Some(Pace::Max)), ("{} ", None)];
-        let different: std::collections::BTreeSet<_> = asked.map(|(text, pace)| sha256(text, pace)).into();
+        let different: std::collections::BTreeSet<_> = asked.map(|(text, pace)| sha256_of(text, pace)).into();
         assert_eq!(different.len(), asked.len());
-        assert_eq!(sha256("{}", None), sha256("{}", None));
+        assert_eq!(sha256_of("{}", None), sha256_of("{}", None));
     }
 }

@@ -16,9 +16,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::api::{DaemonState, EStopped};
 use crate::http::Caller;
-use upm_core::time::{Clock, MonotonicClock};
+use crate::supervisor::PlateHandle;
 
-/// Name of the socket in the data folder.
+/// Name of the socket in the data folder, and of its callers in the audit log.
 pub const ESTOP_SOCKET: &str = "estop.sock";
 
 /// Longest request and longest reply, bytes.
@@ -28,9 +28,6 @@ const MOST_ANSWER: u64 = 64 << 10;
 /// Threads that stand ready for clients: a stop needs no new one, and a silent client holds up the next ones briefly.
 const THREADS: usize = 4;
 
-/// Most plates in one request.
-const MOST_PLATES: usize = 64;
-
 /// Longest waits for a request, for the client to take the reply, and for the reply.
 const ASKED_WITHIN: Duration = Duration::from_millis(500);
 const TAKEN_WITHIN: Duration = Duration::from_millis(500);
@@ -38,9 +35,6 @@ const ANSWERED_WITHIN: Duration = Duration::from_millis(1500);
 
 /// Pause after the system could not accept one more connection.
 const NO_ROOM_PAUSE: Duration = Duration::from_millis(20);
-
-/// Caller name of the socket in the audit log.
-const BY_SOCKET: &str = "estop.sock";
 
 /// A request on the socket.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -56,19 +50,8 @@ pub struct LocalStopRequest {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LocalStopAnswer {
     /// Result of the stop of each plate.
-    pub stops: Vec<LocalStop>,
-    /// Why no plate was stopped; `None` when the request was accepted.
-    pub error: Option<String>,
-}
-
-/// Result of the stop of one plate: the answer, or why there is none.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct LocalStop {
-    /// Name of the plate; a name that the daemon does not know gives an `error`.
-    pub plate: String,
-    /// The answer, the same as over HTTP.
-    pub answer: Option<EStopped>,
-    /// Why the plate was not stopped.
+    pub stops: Vec<EStopped>,
+    /// Why not every plate that was asked for is stopped; `None` when each is.
     pub error: Option<String>,
 }
 
@@ -79,8 +62,8 @@ pub struct EmergencyStops(pub(super) Arc<DaemonState>);
 impl EmergencyStops {
     /// Stops every plate. `by` is the caller's name for the audit log. All plates are stopped before the first
     /// confirmation is awaited.
-    pub fn stop_all(&self, by: &str) -> Vec<LocalStop> {
-        self.stop(&[], &Caller { name: by.to_owned(), remote: None })
+    pub fn stop_all(&self, by: &str) -> Vec<EStopped> {
+        self.stop(&[], &Caller { name: by.to_owned(), remote: None }).stops
     }
 
     /// Stops every plate, without a word on what became of it. Never waits.
@@ -91,30 +74,25 @@ impl EmergencyStops {
     }
 
     /// Stops the plates called `names`, or every plate where none is named.
-    pub(super) fn stop(&self, names: &[String], caller: &Caller) -> Vec<LocalStop> {
-        let all = self.0.spec.plate_names();
-        let names = if names.is_empty() { &all } else { names };
-        for plate in names.iter().filter_map(|name| self.0.plates.get(name)) {
+    pub(super) fn stop(&self, names: &[String], caller: &Caller) -> LocalStopAnswer {
+        let is_meant = |plate: &&Arc<PlateHandle>| names.is_empty() || names.iter().any(|name| name == plate.name());
+        let plates: Vec<&Arc<PlateHandle>> = self.0.plates.iter().filter(is_meant).collect();
+        for plate in &plates {
             plate.estop();
         }
         // in parallel: on a frozen disk each takes most of a second
-        let see = |name: &str| self.confirm_stop(name, caller);
-        thread::scope(|scope| {
-            let start = |name| thread::Builder::new().spawn_scoped(scope, move || see(name)).ok();
-            let seen: Vec<_> = names.iter().map(String::as_str).map(|name| (name, start(name))).collect();
-            let wait = |(name, seen): (_, Option<ScopedJoinHandle<'_, LocalStop>>)| {
-                seen.and_then(|thread| thread.join().ok()).unwrap_or_else(|| see(name))
+        let see = |plate: &Arc<PlateHandle>| self.0.confirm_stop(plate, caller);
+        let stops = thread::scope(|scope| {
+            let start = |plate| thread::Builder::new().spawn_scoped(scope, move || see(plate)).ok();
+            let seen: Vec<_> = plates.into_iter().map(|plate| (plate, start(plate))).collect();
+            let wait = |(plate, seen): (_, Option<ScopedJoinHandle<'_, EStopped>>)| {
+                seen.and_then(|thread| thread.join().ok()).unwrap_or_else(|| see(plate))
             };
             seen.into_iter().map(wait).collect()
-        })
-    }
-
-    fn confirm_stop(&self, name: &str, caller: &Caller) -> LocalStop {
-        let (answer, error) = match self.0.confirm_stop(name, caller) {
-            Ok(answer) => (Some(answer), None),
-            Err(_) => (None, Some(format!("expected one of {}", self.0.spec.plate_names().join(", ")))),
-        };
-        LocalStop { plate: name.to_owned(), answer, error }
+        });
+        let unknown = names.iter().find(|name| self.0.plates.get(name).is_none());
+        let fault = |name| format!("expected one of {}, found {name:?}", self.0.spec.plate_names().join(", "));
+        LocalStopAnswer { stops, error: unknown.map(fault) }
     }
 }
 
@@ -157,9 +135,9 @@ impl Drop for EStopSocket {
 
 fn take_stop(client: &UnixStream, port: u16, stop: &EmergencyStops) -> io::Result<()> {
     let Some(line) = line_of(client, MOST_REQUEST, ASKED_WITHIN)? else { return Ok(()) };
-    let caller = Caller { name: BY_SOCKET.to_owned(), remote: None };
+    let caller = Caller { name: ESTOP_SOCKET.to_owned(), remote: None };
     let answer = match request_in(&line, port) {
-        Ok(request) => LocalStopAnswer { stops: stop.stop(&request.plates, &caller), error: None },
+        Ok(request) => stop.stop(&request.plates, &caller),
         Err(error) => LocalStopAnswer { stops: Vec::new(), error: Some(error) },
     };
     client.set_write_timeout(Some(TAKEN_WITHIN))?;
@@ -174,9 +152,6 @@ fn request_in(line: &[u8], port: u16) -> Result<LocalStopRequest, String> {
         .map_err(|error| format!(r#"expected an empty line or {{"plates": ["NAME"]}}: {error}"#))?;
     match request.port {
         Some(meant) if meant != port => Err(format!("expected the daemon on port {meant}, found the one on {port}")),
-        _ if request.plates.len() > MOST_PLATES => {
-            Err(format!("expected at most {MOST_PLATES} plates, found {}", request.plates.len()))
-        }
         _ => Ok(request),
     }
 }
@@ -197,23 +172,12 @@ fn send(mut to: &UnixStream, value: &impl Serialize) -> io::Result<()> {
     to.write_all(&line)
 }
 
-/// A line of at most `most` bytes, which arrives `within` this time; `None` when the other end closes without sending
-/// any.
+/// A line of at most `most` bytes, none of which is awaited longer than `within`; `None` when the other end closes
+/// without sending any. Only the daemon's own user has the socket, so a client that sends byte by byte is no attack.
 fn line_of(from: &UnixStream, most: u64, within: Duration) -> io::Result<Option<Vec<u8>>> {
-    let (clock, mut line) = (MonotonicClock::new(), Vec::new());
-    let mut reader = BufReader::new(from.take(most));
-    loop {
-        let left = within.checked_sub(clock.elapsed()).filter(|left| !left.is_zero()).ok_or(ErrorKind::TimedOut)?;
-        from.set_read_timeout(Some(left))?;
-        let piece = reader.fill_buf()?;
-        let end = piece.iter().position(|&byte| byte == b'\n');
-        let taken = end.map_or(piece.len(), |end| end + 1);
-        line.extend_from_slice(&piece[..taken]);
-        reader.consume(taken);
-        if end.is_some() || taken == 0 {
-            break;
-        }
-    }
+    from.set_read_timeout(Some(within))?;
+    let mut line = Vec::new();
+    BufReader::new(from.take(most)).read_until(b'\n', &mut line)?;
     match line.pop() {
         None => Ok(None),
         Some(b'\n') => Ok(Some(line)),
@@ -238,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn line_is_bounded_in_bytes_and_time() {
+    fn line_is_bounded_in_bytes_and_each_byte_in_time() {
         let heard = |said: &[u8], within_ms| {
             let (mut client, daemon) = UnixStream::pair().unwrap();
             client.write_all(said).unwrap();
@@ -247,16 +211,6 @@ mod tests {
         assert_eq!(heard(b"one\ntwo", 10_000), Ok(Some(b"one".to_vec())));
         assert_eq!(heard(&[b'x'; 2000], 10_000), Err(ErrorKind::InvalidData));
         assert!(matches!(heard(b"half", 20), Err(ErrorKind::WouldBlock | ErrorKind::TimedOut)));
-        let (mut client, daemon) = UnixStream::pair().unwrap();
-        let dripping = thread::spawn(move || {
-            while client.write_all(b" ").is_ok() {
-                thread::sleep(Duration::from_millis(5));
-            }
-        });
-        let dripped = line_of(&daemon, 1 << 20, Duration::from_millis(60)).unwrap_err().kind();
-        assert!(matches!(dripped, ErrorKind::WouldBlock | ErrorKind::TimedOut), "{dripped}");
-        drop(daemon);
-        dripping.join().unwrap();
         let (client, daemon) = UnixStream::pair().unwrap();
         drop(client);
         assert_eq!(line_of(&daemon, 8, Duration::from_secs(10)).unwrap(), None);

@@ -1,26 +1,23 @@
 use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use jiff::Timestamp;
-use tokio_util::sync::CancellationToken;
+use sd_notify::{NotifyState, notify, watchdog_enabled};
 
-use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops, LocalStopAnswer};
+use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
 use super::prepare::{Prepared, rerun_of};
-use super::recovery_log;
-use super::systemd;
-use crate::api::{DaemonState, app};
-use crate::http::{AllowedHosts, Caller, Confirmations, STOP_PATH, ShutdownReport, Tokens, serve, serve_stops};
-use crate::store::{Store, StoreFault, StoreLimits};
-use crate::supervisor::{PlateSetup, PlateSupervisor, SharedServices};
+use crate::api::{DaemonState, app, liveness_failures};
+use crate::http::{AllowedHosts, Caller, STOP_PATH, joined, serve, serve_stops};
+use crate::store::{JobState, RecoveryReport, Store, StoreFault, StoreLimits};
+use crate::supervisor::PlateSupervisor;
 use upm_core::background::BackgroundThread;
 use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::MonotonicClock;
-use upm_runner::config::DaemonSpec;
+use upm_runner::config::{DaemonSpec, KeepSpec};
 
 /// Longest time for plates to end: motors go to zero at once, closing recordings takes a moment.
 const PLATES_WITHIN: Duration = Duration::from_millis(1200);
@@ -28,21 +25,15 @@ const PLATES_WITHIN: Duration = Duration::from_millis(1200);
 const REQUESTS_WITHIN: Duration = Duration::from_millis(1300);
 /// Longest time for the store to be closed, after both.
 const STORE_WITHIN: Duration = Duration::from_millis(400);
-/// Interval at which queued jobs and free space are counted, and ticks after which all jobs are.
+/// Interval at which jobs and free space are counted.
 const TICK: Duration = Duration::from_millis(500);
-const TICKS_OF_ALL: u64 = 10;
-/// Stops that the API confirms at once.
-const CONFIRMED_AT_ONCE: usize = 2;
 
 /// Why a daemon does not start.
 #[derive(Debug, thiserror::Error)]
 pub enum StartFault {
     /// Its job store cannot be opened.
-    #[error("{0}: {1}")]
-    Store(String, StoreFault),
-    /// Its job store is none of this version and is left unchanged.
-    #[error("{0}")]
-    OtherStore(StoreFault),
+    #[error(transparent)]
+    Store(StoreFault),
     /// It cannot listen on its address.
     #[error("{0}: cannot be listened on: {1}")]
     Listen(SocketAddr, io::Error),
@@ -67,10 +58,8 @@ pub struct ExitReport {
 pub struct Daemon {
     pub(super) state: Arc<DaemonState>,
     listener: TcpListener,
-    pub(super) tokens: Arc<Tokens>,
     /// `None` when the socket could not be created.
     estop_socket: Option<EStopSocket>,
-    pub(super) confirmations: Confirmations,
 }
 
 impl Daemon {
@@ -83,7 +72,7 @@ impl Daemon {
     /// Binds its ports, opens the store, recovers the state that the previous daemon left and creates the plates.
     /// Requests wait until [`Self::serve`]. Plates that need an operator's consent stay still.
     pub fn start(
-        spec: DaemonSpec,
+        mut spec: DaemonSpec,
         prepared: Prepared,
         clock: MonotonicClock,
         now: fn() -> Timestamp,
@@ -92,47 +81,22 @@ impl Daemon {
         // before anything is changed: a port in use must not disturb the daemon that holds the data
         let listener = listener_at(spec.listen)?;
         let stop_listener = spec.stop_listen.map(listener_at).transpose()?;
-        let at_store = |fault| match fault {
-            StoreFault::Other { .. } => StartFault::OtherStore(fault),
-            fault => StartFault::Store(spec.data.display().to_string(), fault),
-        };
-        let limits = StoreLimits {
-            queued: spec.queue,
-            jobs: spec.keep.jobs,
-            runs_bytes: spec.keep.runs_bytes,
-            standing_runs: spec.keep.standing_runs,
-        };
-        let opened = Store::open(&spec.data, &spec.plate_names(), limits, now).map_err(at_store)?;
+        let KeepSpec { jobs, runs_bytes, standing_runs } = spec.keep;
+        let limits = StoreLimits { queued: spec.queue, jobs, runs_bytes, standing_runs };
+        let opened = Store::open(&spec.data, &spec.plate_names(), limits, now).map_err(StartFault::Store)?;
         let (store, recovery) = (Arc::new(opened.store), opened.recovery);
-        let setups = spec.plates.iter().zip(prepared.libraries).map(|(plate, library)| {
-            let is_paused = recovery.paused.contains(&plate.name);
-            PlateSetup {
-                known: recovery.known.contains(&plate.name),
-                paused: is_paused.then(|| recovery_log::pause_after_start(&recovery, &plate.name)),
-                spec: plate.clone(),
-                library,
-            }
-        });
-        let around = SharedServices {
-            store: Arc::clone(&store),
-            latches: spec.data.join("latch"),
-            clock,
-            rerun: rerun_of(&spec),
-            watchdog: spec.watchdog,
-            min_free_bytes: spec.min_free_bytes,
-            allow_faults: spec.allow_faults,
-            pace: spec.pace,
-        };
-        let plates = PlateSupervisor::start(setups.collect(), &around).map_err(StartFault::Plates)?;
-        recovery_log::log(&recovery);
-        recovery_log::log_unserved(&store, &spec.plate_names());
-        let state = Arc::new(DaemonState::new(spec, store, plates, clock, version));
+        spec.rerun = Some(rerun_of(&spec));
+        let plates = PlateSupervisor::start(&spec, prepared.libraries, &store, &recovery, clock);
+        let plates = plates.map_err(StartFault::Plates)?;
+        log_recovery(&recovery, &store, &spec);
+        let state =
+            DaemonState::new(spec, store, plates, prepared.tokens, clock, version).map_err(StartFault::Plates)?;
+        let state = Arc::new(state);
         let estop_socket = estop_socket_of(&state, &listener);
         if let Some(stop_listener) = stop_listener {
-            take_stops(stop_listener, &state, &prepared.tokens).map_err(StartFault::Plates)?;
+            take_stops(stop_listener, &state).map_err(StartFault::Plates)?;
         }
-        let confirmations = Confirmations::start("stops", CONFIRMED_AT_ONCE).map_err(StartFault::Plates)?;
-        Ok(Self { state, listener, tokens: prepared.tokens, estop_socket, confirmations })
+        Ok(Self { state, listener, estop_socket })
     }
 
     /// A handle that stops its plates without the network.
@@ -149,23 +113,40 @@ impl Daemon {
     /// do; motors go to zero first. The service manager is notified when the daemon is ready, alive and shutting down.
     pub fn serve(mut self, stop: &Receiver<()>) -> ExitReport {
         let (state, estop_socket) = (Arc::clone(&self.state), self.estop_socket.take());
-        let end_http = CancellationToken::new();
-        let answering = self.answer(end_http.clone());
+        let answering = self.answer();
         if let Err(error) = start_counting(&state) {
             tracing::error!("jobs are not counted: {error}");
         }
-        systemd::ready(&format!("plates: {}", state.spec.plate_names().join(", ")));
-        if let Err(error) = systemd::keep_alive(&state) {
+        let plates = format!("plates: {}", state.spec.plate_names().join(", "));
+        notify_manager(&[NotifyState::Ready, NotifyState::Status(&plates)]);
+        if let Err(error) = keep_alive(&state) {
             tracing::error!("the service manager gets no signs of life: {error}");
         }
         while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {}
-        end(&state, &end_http, answering, estop_socket)
+        end(&state, answering, estop_socket)
     }
 
-    /// Serves HTTP on another thread until `stop` is cancelled.
-    fn answer(self, stop: CancellationToken) -> JoinHandle<io::Result<ShutdownReport>> {
-        let app = app(self.state, &self.tokens, self.confirmations, stop.clone());
-        thread::spawn(move || serve(self.listener, app, &stop, REQUESTS_WITHIN, lower_thread_priority))
+    /// Serves HTTP on another thread until the daemon ends.
+    fn answer(self) -> JoinHandle<io::Result<usize>> {
+        let (app, ending) = (app(Arc::clone(&self.state)), self.state.ending.clone());
+        thread::spawn(move || serve(self.listener, app, &ending, REQUESTS_WITHIN, lower_thread_priority))
+    }
+}
+
+/// Logs the state that the previous daemon left, and jobs queued for plates that are no longer configured: they can be
+/// cancelled, or the plate configured again.
+fn log_recovery(recovery: &RecoveryReport, store: &Store, spec: &DaemonSpec) {
+    let RecoveryReport { interrupted, ended, paused, clean, .. } = recovery;
+    if !clean {
+        tracing::warn!(interrupted = interrupted.len(), ended = ended.len(), "the last daemon did not end in order");
+    }
+    for (plate, _) in paused {
+        tracing::warn!(plate, "paused: nothing moves before `upm resume {plate}`");
+    }
+    for (plate, state, jobs) in store.counts().unwrap_or_default() {
+        if state == JobState::Queued && spec.plate(&plate).is_none() {
+            tracing::warn!(plate, jobs, "jobs wait for a plate that is not served");
+        }
     }
 }
 
@@ -174,11 +155,8 @@ fn start_counting(state: &Arc<DaemonState>) -> io::Result<()> {
     let state = Arc::clone(state);
     let count = move || {
         lower_thread_priority();
-        for tick in 0.. {
-            if state.ending.load(Ordering::SeqCst) {
-                return;
-            }
-            state.count(tick % TICKS_OF_ALL == 0);
+        while !state.ending.is_cancelled() {
+            state.count();
             thread::sleep(TICK);
         }
     };
@@ -188,16 +166,14 @@ fn start_counting(state: &Arc<DaemonState>) -> io::Result<()> {
 /// Shuts down, each part within its time: plates and requests in parallel, then the store.
 fn end(
     state: &Arc<DaemonState>,
-    end_http: &CancellationToken,
-    answering: JoinHandle<io::Result<ShutdownReport>>,
+    answering: JoinHandle<io::Result<usize>>,
     estop_socket: Option<EStopSocket>,
 ) -> ExitReport {
-    state.ending.store(true, Ordering::SeqCst);
-    end_http.cancel();
+    state.ending.cancel();
     // motors to zero before anything is reported: logging may take a while
     state.plates.shutdown(Duration::ZERO);
     tracing::info!("shutting down");
-    systemd::stopping();
+    notify_manager(&[NotifyState::Stopping, NotifyState::Status("ending")]);
     let plates_left = state.plates.shutdown(PLATES_WITHIN);
     tracing::debug!("plates have ended");
     let served = answering.join().unwrap_or_else(|_| Err(io::Error::other("the server panicked")));
@@ -213,7 +189,7 @@ fn end(
     // an end that is not recorded makes the next start one after a crash: every plate is paused
     let in_order = persisted && state.store.close(STORE_WITHIN) && plates_left.is_empty();
     tracing::debug!(in_order, "the store is closed");
-    ExitReport { plates_left, dropped: served.map_or(0, |served| served.dropped), in_order }
+    ExitReport { plates_left, dropped: served.unwrap_or(0), in_order }
 }
 
 /// Opens the socket for emergency stops. A failure is only logged: HTTP and SIGUSR1 stop the plates, too.
@@ -226,18 +202,51 @@ fn estop_socket_of(state: &Arc<DaemonState>, listener: &TcpListener) -> Option<E
 }
 
 /// Takes emergency stops on the port that has nothing else.
-fn take_stops(listener: TcpListener, state: &Arc<DaemonState>, tokens: &Arc<Tokens>) -> io::Result<()> {
+fn take_stops(listener: TcpListener, state: &Arc<DaemonState>) -> io::Result<()> {
     let (address, stop) = (listener.local_addr()?, EmergencyStops(Arc::clone(state)));
     let hosts = AllowedHosts::new(address, &state.spec.hosts).with_page(state.spec.listen);
     let cut = stop.clone();
-    let answer = move |caller: &Caller| LocalStopAnswer { stops: stop.stop(&[], caller), error: None };
-    serve_stops(listener, hosts, Arc::clone(tokens), move || cut.cut(), answer)?;
+    let answer = move |caller: &Caller| stop.stop(&[], caller);
+    serve_stops(listener, hosts, Arc::clone(&state.tokens), move || cut.cut(), answer)?;
     tracing::info!("emergency stops: POST http://{address}{STOP_PATH}");
     Ok(())
 }
 
 fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {
     TcpListener::bind(address).map_err(|error| StartFault::Listen(address, error))
+}
+
+/// Starts a thread that sends signs of life, twice in the manager's watchdog interval and only while the daemon is
+/// healthy, and says when their absence has a reason. None where the manager expects none. A manager that does not read
+/// holds this thread alone.
+fn keep_alive(state: &Arc<DaemonState>) -> io::Result<()> {
+    let Some(interval) = watchdog_enabled().filter(|interval| !interval.is_zero()) else { return Ok(()) };
+    let state = Arc::clone(state);
+    let ping = move || {
+        let mut before = Vec::new();
+        while !state.ending.is_cancelled() {
+            let failures = liveness_failures(&state.observed());
+            if failures.is_empty() {
+                notify_manager(&[NotifyState::Watchdog]);
+            }
+            if failures != before {
+                let status = if failures.is_empty() { "healthy again".to_owned() } else { joined(&failures) };
+                tracing::warn!("state reported to the service manager: {status}");
+                // a line feed would begin another message
+                notify_manager(&[NotifyState::Status(&status.replace(char::is_control, " "))]);
+            }
+            before = failures;
+            thread::sleep(interval / 2);
+        }
+    };
+    thread::Builder::new().name("alive".into()).spawn(ping).map(|_| ())
+}
+
+/// Sends a message. A failure is only logged: a service manager that does not listen must not stop the daemon.
+fn notify_manager(message: &[NotifyState<'_>]) {
+    if let Err(error) = notify(message) {
+        tracing::warn!(%error, "could not notify the service manager");
+    }
 }
 
 #[cfg(test)]

@@ -18,7 +18,6 @@ use http_body_util::BodyExt;
 use jiff::Timestamp;
 use serde_json::Value;
 use tokio::runtime::{Builder, Runtime};
-use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
 use super::start::Daemon;
@@ -44,7 +43,6 @@ struct TestApi {
     runtime: Runtime,
     app: Router,
     daemon: Arc<DaemonState>,
-    stop: CancellationToken,
     _data: tempfile::TempDir,
 }
 
@@ -81,12 +79,11 @@ impl TestApi {
         let data = tempfile::tempdir().unwrap();
         let mut spec = spec(data.path());
         change(&mut spec);
-        let Daemon { state: daemon, tokens, confirmations, .. } = start(spec).unwrap();
-        let stop = CancellationToken::new();
-        let app = app(Arc::clone(&daemon), &tokens, confirmations, stop.clone());
+        let Daemon { state: daemon, .. } = start(spec).unwrap();
+        let app = app(Arc::clone(&daemon));
         let runtime =
             Builder::new_current_thread().enable_all().max_blocking_threads(BLOCKING_THREADS).build().unwrap();
-        Self { runtime, app, daemon, stop, _data: data }
+        Self { runtime, app, daemon, _data: data }
     }
 
     /// With plate upm-1 stopped, so that jobs of tests stay as they are.
@@ -111,7 +108,7 @@ impl TestApi {
         if status >= 400 {
             let document: ProblemDocument = serde_json::from_slice(&body).unwrap();
             assert_eq!(document.status, status);
-            assert!(document.kind.starts_with("urn:upm:problem:") && document.instance.is_some(), "{document:?}");
+            assert!(!document.title.is_empty() && document.instance.is_some(), "{document:?}");
         }
         ApiAnswer { status, headers, body }
     }
@@ -145,7 +142,7 @@ impl TestApi {
 
     /// Queues a job on the stopped plate.
     fn queue(&self) -> JobRow {
-        let job = self.plate().validate(REST, Pace::Max).unwrap();
+        let job = self.plate().rules.validated(REST, Pace::Max).unwrap();
         let Ok(Some(SubmitOutcome::New(row))) = self.daemon.store.accept(&job, || true) else { panic!("not queued") };
         row
     }
@@ -158,7 +155,7 @@ impl TestApi {
     }
 
     fn end(&self, row: &JobRow, state: JobState, recording: RecordingStatus) {
-        let end = JobEnd { state, reason: String::new(), report_json: None, recording, progress: 0.0 };
+        let end = JobEnd { recording, ..JobEnd::of(state, "") };
         self.daemon.store.finish(&row.id, &end).unwrap();
     }
 }

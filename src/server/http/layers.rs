@@ -38,7 +38,10 @@ pub(crate) fn too_large() -> Problem {
 /// The problem behind a status that the router or one of the layers answered with alone.
 fn problem_of(status: StatusCode) -> Option<Problem> {
     let detail = match status {
-        StatusCode::NOT_FOUND => "unknown path; see /openapi.json".to_owned(),
+        // a path that is not UTF-8 names nothing
+        StatusCode::BAD_REQUEST | StatusCode::NOT_FOUND => {
+            return Some(Problem::new(StatusCode::NOT_FOUND, "unknown path; see /openapi.json"));
+        }
         StatusCode::METHOD_NOT_ALLOWED => "method not allowed; see the Allow header".to_owned(),
         StatusCode::PAYLOAD_TOO_LARGE => return Some(too_large()),
         StatusCode::SERVICE_UNAVAILABLE => format!("no answer within {} s", ANSWER_TIME.as_secs()),
@@ -54,8 +57,9 @@ async fn identify(request: Request, next: Next) -> Response {
     let id = Uuid::now_v7().simple().to_string();
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
     let mut response = next.run(request).await;
-    let status = response.status();
-    if let Some(problem) = response.extensions_mut().remove::<Problem>().or_else(|| problem_of(status)) {
+    let before = response.status();
+    if let Some(problem) = response.extensions_mut().remove::<Problem>().or_else(|| problem_of(before)) {
+        *response.status_mut() = problem.status();
         *response.body_mut() = problem.body(Some(&id));
         response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(PROBLEM_JSON));
         response.headers_mut().remove(CONTENT_LENGTH);
@@ -63,7 +67,7 @@ async fn identify(request: Request, next: Next) -> Response {
     if let Ok(value) = HeaderValue::from_str(&id) {
         response.headers_mut().insert(X_REQUEST_ID.clone(), value);
     }
-    let status = status.as_u16();
+    let status = response.status().as_u16();
     if is_alarming(&path, status) {
         tracing::warn!(request = id, %method, path, status, "request");
     } else {

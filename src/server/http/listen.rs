@@ -40,22 +40,16 @@ const NO_ROOM_PAUSE: Duration = Duration::from_millis(50);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Peer(pub SocketAddr);
 
-/// Result of a server's shutdown.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ShutdownReport {
-    /// Connections dropped because they had not ended in time.
-    pub dropped: usize,
-}
-
 /// Serves `app` on `listener` until `stop` is cancelled, in its own runtime, each of whose threads begins with
 /// `on_thread_start`. Blocks. Requests under way then have the time `ending` for their end, whatever clients do.
+/// Returns the number of connections dropped because they had not ended by then.
 pub fn serve(
     listener: std::net::TcpListener,
     app: Router,
     stop: &CancellationToken,
     ending: Duration,
     on_thread_start: fn(),
-) -> io::Result<ShutdownReport> {
+) -> io::Result<usize> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(WORKERS)
         .max_blocking_threads(BLOCKING_THREADS)
@@ -73,7 +67,7 @@ async fn serve_until_stopped(
     app: Router,
     stop: &CancellationToken,
     ending: Duration,
-) -> io::Result<ShutdownReport> {
+) -> io::Result<usize> {
     listener.set_nonblocking(true)?;
     let listener = TcpListener::from_std(listener)?;
     let (places, open) = (Arc::new(Semaphore::new(CONNECTIONS)), GracefulShutdown::new());
@@ -106,7 +100,7 @@ async fn serve_until_stopped(
     }
     drop(listener);
     let ended = timeout(ending, open.shutdown()).await;
-    Ok(ShutdownReport { dropped: ended.map_or(CONNECTIONS - places.available_permits(), |()| 0) })
+    Ok(ended.map_or(CONNECTIONS - places.available_permits(), |()| 0))
 }
 
 /// The next connection, once there is a place for it. Until then it waits in the kernel's queue.

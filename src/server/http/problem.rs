@@ -5,30 +5,10 @@ use axum::response::{IntoResponse, Response};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use upm_core::document::{Diagnostic, counted};
+use upm_core::document::{Diagnostic, DiagnosticClass, counted};
 
 /// Media type of problem documents.
 pub(crate) const PROBLEM_JSON: &str = "application/problem+json";
-
-/// Last word of the URN and title of the kind of problem that a status stands for. Both never change.
-fn kind_of(status: StatusCode) -> (&'static str, &'static str) {
-    match status {
-        StatusCode::BAD_REQUEST => ("malformed", "The request cannot be read"),
-        StatusCode::UNAUTHORIZED => ("unauthorized", "A valid bearer token is needed"),
-        StatusCode::FORBIDDEN => ("forbidden", "The request is not allowed"),
-        StatusCode::NOT_FOUND => ("not-found", "There is no such thing"),
-        StatusCode::METHOD_NOT_ALLOWED => ("method-not-allowed", "Method not allowed for this path"),
-        StatusCode::REQUEST_TIMEOUT => ("request-timeout", "The request was sent too slowly"),
-        StatusCode::CONFLICT => ("conflict", "The present state does not allow this"),
-        StatusCode::PAYLOAD_TOO_LARGE => ("content-too-large", "The body is too large"),
-        StatusCode::UNSUPPORTED_MEDIA_TYPE => ("unsupported-media-type", "The body is of another type"),
-        StatusCode::UNPROCESSABLE_ENTITY => ("invalid", "The request is not valid"),
-        StatusCode::TOO_MANY_REQUESTS => ("queue-full", "The queue is full"),
-        StatusCode::SERVICE_UNAVAILABLE => ("unavailable", "The service is temporarily unavailable"),
-        StatusCode::INSUFFICIENT_STORAGE => ("insufficient-storage", "The disk is full"),
-        _ => ("internal", "Something broke in the daemon"),
-    }
-}
 
 /// Cause for which the daemon does not work or takes no jobs. Codes are stable; the sentence beside one may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -69,13 +49,10 @@ pub fn joined(reasons: &[Reason]) -> String {
     reasons.iter().map(|reason| reason.detail.as_str()).collect::<Vec<_>>().join("; ")
 }
 
-/// A problem document (RFC 9457).
+/// A problem document (RFC 9457) without a `type`: the status says the kind.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ProblemDocument {
-    /// Kind of problem, `urn:upm:problem:` and a word.
-    #[serde(rename = "type")]
-    pub kind: String,
-    /// Title of the kind.
+    /// Name of the status.
     pub title: String,
     /// HTTP status of the answer.
     #[schemars(range(min = 400, max = 599))]
@@ -104,10 +81,8 @@ pub struct Problem {
 impl Problem {
     /// A problem answered with this status; `detail` is a sentence for people.
     pub fn new(status: StatusCode, detail: impl Into<String>) -> Self {
-        let (word, title) = kind_of(status);
         let document = ProblemDocument {
-            kind: format!("urn:upm:problem:{word}"),
-            title: title.to_owned(),
+            title: status.canonical_reason().unwrap_or_default().to_owned(),
             status: status.as_u16(),
             detail: detail.into(),
             instance: None,
@@ -115,6 +90,12 @@ impl Problem {
             reasons: Vec::new(),
         };
         Self { status, document: Box::new(document), headers: HeaderMap::new() }
+    }
+
+    /// The problem of a document with these faults: 400 for text that is not JSON, otherwise 422.
+    pub fn of_document(faults: Vec<Diagnostic>) -> Self {
+        let is_json = faults.iter().all(|fault| fault.class != DiagnosticClass::Syntax);
+        Self::of_faults(if is_json { StatusCode::UNPROCESSABLE_ENTITY } else { StatusCode::BAD_REQUEST }, faults)
     }
 
     /// The problem of a request with these faults.
@@ -172,11 +153,11 @@ mod tests {
     #[test]
     fn a_problem_is_sent_as_its_document() {
         let fault = Diagnostic::new("job", Path::root().key("seed"), "\"x\"", "a whole number");
-        let problem = Problem::of_faults(StatusCode::UNPROCESSABLE_ENTITY, vec![fault]);
+        let problem = Problem::of_document(vec![fault]);
         assert_eq!(
             serde_json::to_value(&problem.document).unwrap(),
             serde_json::json!({
-                "type": "urn:upm:problem:invalid", "title": "The request is not valid", "status": 422,
+                "title": "Unprocessable Entity", "status": 422,
                 "detail": "1 fault", "faults": [{"path": "seed", "found": "\"x\"", "allowed": "a whole number"}],
             })
         );

@@ -8,15 +8,16 @@ use axum::http::header::AUTHORIZATION;
 use axum::routing::post;
 use axum::{Extension, Json, Router};
 use serde::Serialize;
+use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
-use super::confirmations::Confirmations;
 use super::layers::with_layers;
 use super::listen::{Peer, serve};
 use super::origin_check::AllowedHosts;
 use super::problem::Problem;
 use super::tokens::{Caller, Scope, Tokens};
+use upm_core::background::{OverflowPolicy, Queue};
 
 /// The only path of the listener for emergency stops.
 pub const STOP_PATH: &str = "/v1/estop";
@@ -47,6 +48,34 @@ pub fn serve_stops<T: Serialize + Send + 'static>(
     let app = with_layers(Router::new().route(STOP_PATH, post(handler)).layer(cors), hosts);
     let serve = move || serve(listener, app, &CancellationToken::new(), Duration::ZERO, || ());
     thread::Builder::new().name("stop-listener".into()).spawn(serve).map(|_| ())
+}
+
+/// Emergency stops that may wait for their confirmation.
+const WAITING: usize = 512;
+
+/// Threads of the usual priority that confirm emergency stops: they stand ready, so that a stop needs no new thread,
+/// and all others may wait for the disk.
+#[derive(Debug)]
+pub struct Confirmations(Queue<Box<dyn FnOnce() + Send>>);
+
+impl Confirmations {
+    /// Starts `threads` threads with this name, which end when this value is dropped.
+    pub fn start(name: &str, threads: usize) -> io::Result<Self> {
+        let (queue, waiting) = Queue::<Box<dyn FnOnce() + Send>>::bounded(WAITING, OverflowPolicy::GiveUp);
+        for _ in 0..threads {
+            let waiting = waiting.clone();
+            let confirm = move || waiting.iter().for_each(|confirmation| confirmation());
+            thread::Builder::new().name(name.to_owned()).spawn(confirm)?;
+        }
+        Ok(Self(queue))
+    }
+
+    /// The result of `confirm` on one of the threads; `None` when too many others wait.
+    pub async fn of<T: Send + 'static>(&self, confirm: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+        let (reply, confirmed) = oneshot::channel();
+        self.0.send(Box::new(move || drop(reply.send(confirm())))).ok()?;
+        confirmed.await.ok()
+    }
 }
 
 #[cfg(test)]

@@ -1,41 +1,25 @@
 use jiff::Timestamp;
-use rusqlite::types::{FromSql, FromSqlResult, ToSql, ToSqlOutput, Type, ValueRef};
+use rusqlite::types::{FromSql, FromSqlError, FromSqlResult, ToSql, ToSqlOutput, ValueRef};
 use rusqlite::{Connection, Error, ErrorCode, Params, Row};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
-use super::{Job, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
+use super::{JobId, StoreFault};
 
-/// Columns that [`job_of`] reads, in its order.
-pub(super) const JOB: &str = "id, name, plate, state, seed, pace, rig, submitted_at, started_at, finished_at, \
-                              progress, reason, report, folder, recording, standing, turn";
+/// A value whose column has its JSON.
+pub(super) struct Json<T>(pub T);
 
-/// The job in a row of [`JOB`].
-pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
-    let id: JobId = row.get(0)?;
-    let report: Option<String> = row.get(12)?;
-    let job = Job {
-        id: id.to_string(),
-        name: row.get(1)?,
-        plate: row.get(2)?,
-        state: coded(row, 3, JobState::of_code)?,
-        seed: row.get::<_, i64>(4)?.cast_unsigned(),
-        pace: coded(row, 5, Pace::of_code)?,
-        submitted_at: row.get(7)?,
-        started_at: row.get(8)?,
-        finished_at: row.get(9)?,
-        progress: row.get(10)?,
-        reason: row.get(11)?,
-        report: report.and_then(|text| serde_json::from_str(&text).ok()),
-        recording: coded(row, 14, RecordingStatus::of_code)?,
-        standing: row.get(15)?,
-        turn: row.get(16)?,
-    };
-    Ok(JobRow { id, job, rig_fingerprint: row.get(6)?, folder: row.get(13)? })
+impl<T: DeserializeOwned> FromSql for Json<T> {
+    fn column_result(value: ValueRef<'_>) -> FromSqlResult<Self> {
+        serde_json::from_str(value.as_str()?).map(Self).map_err(FromSqlError::other)
+    }
 }
 
-/// The value whose code a column has.
-pub(super) fn coded<T>(row: &Row<'_>, column: usize, of_code: fn(&str) -> Option<T>) -> rusqlite::Result<T> {
-    let code: String = row.get(column)?;
-    of_code(&code).ok_or_else(|| Error::InvalidColumnType(column, code, Type::Text))
+impl<T: Serialize> ToSql for Json<&T> {
+    fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
+        let text = serde_json::to_string(self.0).map_err(|error| Error::ToSqlConversionFailure(error.into()))?;
+        Ok(text.into())
+    }
 }
 
 /// A time as the store and clients have it. Texts of times compare as the times do.
@@ -53,20 +37,15 @@ pub(super) fn rows<T>(
     connection.prepare(sql)?.query_map(params, read)?.collect()
 }
 
-/// A limit or number as SQLite's integer, saturated.
-pub(super) fn sql_limit(most: impl TryInto<i64>) -> i64 {
-    most.try_into().unwrap_or(i64::MAX)
-}
-
 impl ToSql for JobId {
     fn to_sql(&self) -> rusqlite::Result<ToSqlOutput<'_>> {
-        Ok(self.as_bytes().as_slice().into())
+        Ok(self.to_string().into())
     }
 }
 
 impl FromSql for JobId {
     fn column_result(value: ValueRef<'_>) -> FromSqlResult<Self> {
-        <[u8; 16]>::column_result(value).map(Self::from_bytes)
+        Self::parse(value.as_str()?).ok_or(FromSqlError::InvalidType)
     }
 }
 

@@ -10,7 +10,7 @@ use super::StoreFault;
 pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
 
 /// Schema version; a store of another one is refused.
-pub(super) const VERSION: i32 = 3;
+pub(super) const VERSION: i32 = 4;
 
 /// First bytes of every SQLite database.
 const MAGIC: &[u8] = b"SQLite format 3\0";
@@ -19,36 +19,35 @@ const MAGIC: &[u8] = b"SQLite format 3\0";
 const VERSION_AT: usize = 60;
 const APPLICATION_ID_AT: usize = 68;
 
-/// Times are texts of one length, UTC. The text of a job is deleted when it ends, since its run folder has a
-/// copy. A job that was moved to the front of its plate's queue has a turn below those of the others. The audit log has
-/// the pauses of plates, the starts and ends of the daemon, and the idempotency keys of deleted jobs, too.
+/// A job is one JSON text, a `JobRow`; the columns that are asked for are made from it. Times are texts of one length,
+/// UTC. The text of a job is deleted when it begins, since its run folder has a copy. A job that was moved to the front
+/// of its plate's queue has a turn below those of the others. `plates` has every plate that was served, with the cause
+/// of its pause. The audit log has the pauses of plates, the starts and ends of the daemon, and the idempotency keys of
+/// deleted jobs, too.
 const TABLES: &str = "
 CREATE TABLE jobs (
-    id BLOB NOT NULL PRIMARY KEY CHECK (length(id) = 16),
-    name TEXT NOT NULL,
-    plate TEXT NOT NULL,
-    state TEXT NOT NULL CHECK (state IN ('queued', 'running', 'completed', 'failed', 'cancelled', 'interrupted')),
-    seed INTEGER NOT NULL,
-    pace TEXT NOT NULL,
-    rig TEXT NOT NULL,
-    submitted_at TEXT NOT NULL,
-    started_at TEXT,
-    finished_at TEXT,
-    progress REAL NOT NULL DEFAULT 0,
-    reason TEXT NOT NULL DEFAULT '',
-    report TEXT,
-    folder TEXT UNIQUE,
-    recording TEXT NOT NULL DEFAULT 'none',
-    standing INTEGER NOT NULL DEFAULT 0 CHECK (standing IN (0, 1)),
-    turn INTEGER NOT NULL DEFAULT 0,
+    id TEXT NOT NULL PRIMARY KEY,
+    job TEXT NOT NULL,
     spec TEXT,
-    key TEXT UNIQUE,
-    body_sha256 BLOB,
-    bytes INTEGER NOT NULL DEFAULT 0
+    plate TEXT NOT NULL AS (job ->> '$.job.plate'),
+    state TEXT NOT NULL AS (job ->> '$.job.state')
+        CHECK (state IN ('queued', 'running', 'completed', 'failed', 'cancelled', 'interrupted')),
+    turn INTEGER NOT NULL AS (job ->> '$.job.turn'),
+    standing INTEGER NOT NULL AS (job ->> '$.job.standing'),
+    submitted_at TEXT NOT NULL AS (job ->> '$.job.submitted_at'),
+    finished_at TEXT AS (job ->> '$.job.finished_at'),
+    key TEXT UNIQUE AS (job ->> '$.key'),
+    folder TEXT AS (job ->> '$.folder'),
+    bytes INTEGER NOT NULL AS (job ->> '$.bytes')
 ) STRICT;
 CREATE INDEX jobs_by_state ON jobs (state, id);
 CREATE INDEX jobs_by_plate ON jobs (plate, state, turn, id);
-CREATE INDEX jobs_with_folder ON jobs (finished_at, bytes) WHERE folder IS NOT NULL;
+CREATE INDEX jobs_with_folder ON jobs (finished_at, id, folder, bytes) WHERE folder IS NOT NULL;
+
+CREATE TABLE plates (
+    name TEXT NOT NULL PRIMARY KEY,
+    pause TEXT
+) STRICT;
 
 CREATE TABLE audit (
     id INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -60,7 +59,6 @@ CREATE TABLE audit (
     remote TEXT NOT NULL,
     token_name TEXT NOT NULL
 ) STRICT;
-CREATE INDEX audit_by_plate ON audit (plate, act, id);
 CREATE INDEX audit_of_deleted ON audit (reason) WHERE act = 'delete';
 CREATE TRIGGER audit_stays BEFORE UPDATE ON audit BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;
 CREATE TRIGGER audit_keeps BEFORE DELETE ON audit BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;

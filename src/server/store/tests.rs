@@ -10,8 +10,8 @@ use jiff::Timestamp;
 use parking_lot::MutexGuard;
 
 use super::{
-    AuditEntry, ClaimedJob, Job, JobEnd, JobId, JobRow, JobState, NewJob, OpenOutcome, Opened, Pace, RecordingStatus,
-    Store, StoreFault, StoreLimits, SubmitOutcome,
+    AuditEntry, Job, JobEnd, JobId, JobRow, JobState, JobWithSpec, OpenOutcome, Opened, Pace, RecordingStatus, Store,
+    StoreFault, StoreLimits, SubmitOutcome,
 };
 
 const TIMEOUT: Duration = Duration::from_secs(60);
@@ -39,7 +39,7 @@ impl Store {
 
     /// Acts and operators of the audit log of known plates, in its order.
     pub(crate) fn audit_log(&self) -> Vec<(String, String)> {
-        let sql = "SELECT act, operator FROM audit WHERE plate IS NOT NULL AND act <> 'add' ORDER BY id";
+        let sql = "SELECT act, operator FROM audit WHERE plate IS NOT NULL ORDER BY id";
         self.read(|connection| super::columns::rows(connection, sql, [], |row| Ok((row.get(0)?, row.get(1)?)))).unwrap()
     }
 
@@ -79,20 +79,14 @@ fn new_store(limits: StoreLimits) -> (tempfile::TempDir, Store) {
     (folder, store)
 }
 
-fn new_job(name: &str, plate: &str) -> NewJob {
-    NewJob {
-        name: name.into(),
-        plate: plate.into(),
-        seed: u64::MAX,
-        pace: Pace::Max,
-        spec_json: format!("{{\"name\": {name:?}}}"),
-        rig_fingerprint: "0123456789abcdef".into(),
-        body_sha256: [7; 32],
-        key: None,
-    }
+fn new_job(name: &str, plate: &str) -> JobWithSpec {
+    let (name, plate, spec_json) = (name.into(), plate.into(), format!("{{\"name\": {name:?}}}"));
+    let job = Job { name, plate, seed: u64::MAX, pace: Pace::Max, ..Job::default() };
+    let rig_fingerprint = "0123456789abcdef".into();
+    JobWithSpec { row: JobRow { job, rig_fingerprint, body_sha256: [7; 32], ..JobRow::default() }, spec_json }
 }
 
-fn accept(store: &Store, job: &NewJob) -> SubmitOutcome {
+fn accept(store: &Store, job: &JobWithSpec) -> SubmitOutcome {
     store.accept(job, || true).unwrap().unwrap()
 }
 
@@ -117,7 +111,7 @@ fn folder(store: &Store) -> impl Fn(&JobRow) -> io::Result<String> {
     }
 }
 
-fn claim(store: &Store, plate: &str) -> Option<ClaimedJob> {
+fn claim(store: &Store, plate: &str) -> Option<JobWithSpec> {
     store.claim(plate, &folder(store)).unwrap()
 }
 
@@ -128,8 +122,8 @@ fn begin(store: &Store, name: &str, plate: &str) -> JobRow {
 }
 
 fn end(state: JobState) -> JobEnd {
-    let (reason, report_json) = ("so it went".into(), Some("{}".into()));
-    JobEnd { state, reason, report_json, recording: RecordingStatus::Whole, progress: 0.25 }
+    let (reason, report) = ("so it went".into(), Some(Default::default()));
+    JobEnd { state, reason, report, recording: RecordingStatus::Whole, progress: 0.25 }
 }
 
 /// A store killed now and opened again, on a copy of its files.

@@ -5,60 +5,15 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::JobId;
-use crate::states::{JobState, RecordingStatus};
+use crate::states::{JobState, PauseCause, RecordingStatus};
 use upm_core::job::Pace;
 
-/// A validated job to be queued.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NewJob {
-    /// Name, valid as a folder name.
-    pub name: String,
-    /// Plate on which it is to run.
-    pub plate: String,
-    /// Seed of everything random in its run.
-    pub seed: u64,
-    /// Pace of its run.
-    pub pace: Pace,
-    /// The job as JSON, every default written out, the rig left out.
-    pub spec_json: String,
-    /// Fingerprint of the rig it was checked against.
-    pub rig_fingerprint: String,
-    /// SHA-256 of the request's body, which a repeated key must match.
-    pub body_sha256: [u8; 32],
-    /// The request's idempotency key.
-    pub key: Option<String>,
-}
-
-impl NewJob {
-    /// This job when it has just been accepted.
-    pub(super) fn row(&self, id: JobId, submitted_at: String) -> JobRow {
-        let job = Job {
-            id: id.to_string(),
-            name: self.name.clone(),
-            state: JobState::Queued,
-            plate: self.plate.clone(),
-            submitted_at,
-            started_at: None,
-            finished_at: None,
-            progress: 0.0,
-            report: None,
-            reason: String::new(),
-            seed: self.seed,
-            pace: self.pace,
-            recording: RecordingStatus::None,
-            standing: false,
-            turn: 0,
-        };
-        JobRow { id, job, rig_fingerprint: self.rig_fingerprint.clone(), folder: None }
-    }
-}
-
 /// A job with its state and result.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Job {
     /// Id of the job: 32 hex digits, which sort by the time of submission.
-    #[schemars(extend("pattern" = "^[0-9a-f]{32}$"))]
-    pub id: String,
+    #[schemars(with = "String", extend("pattern" = "^[0-9a-f]{32}$"))]
+    pub id: JobId,
     /// Name of the job; several jobs may have the same.
     pub name: String,
     /// Stage between submission and end, at the time of the answer.
@@ -96,17 +51,21 @@ pub struct Job {
     pub turn: i64,
 }
 
-/// A job in the store, without its text (see [`ClaimedJob`]).
-#[derive(Clone, Debug, PartialEq)]
+/// A job in the store, without its text (see [`JobWithSpec`]).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JobRow {
-    /// Id; ids sort by the order in which jobs were accepted.
-    pub id: JobId,
     /// The job as clients see it. Its times rise: where the wall clock was set back in between, they are equal.
     pub job: Job,
     /// Fingerprint of the rig it was checked against.
     pub rig_fingerprint: String,
+    /// SHA-256 of the request's body, which a repeated key must match.
+    pub body_sha256: [u8; 32],
+    /// The request's idempotency key.
+    pub key: Option<String>,
     /// Name of its run folder within the folder of runs; never a path.
     pub folder: Option<String>,
+    /// Bytes in its run folder, once it has ended.
+    pub bytes: u64,
 }
 
 impl Deref for JobRow {
@@ -124,12 +83,12 @@ impl JobRow {
     }
 }
 
-/// A job that its plate has claimed.
+/// A validated job with its text. It has no id before it is accepted.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ClaimedJob {
-    /// The job, `running`, with its run folder.
+pub struct JobWithSpec {
+    /// The job.
     pub row: JobRow,
-    /// The job as JSON, as it was accepted.
+    /// The job as JSON, every default written out, the rig left out.
     pub spec_json: String,
 }
 
@@ -141,11 +100,18 @@ pub struct JobEnd {
     /// Reason, as text.
     pub reason: String,
     /// `report.json` of its run; `None` where it left none.
-    pub report_json: Option<String>,
+    pub report: Option<Map<String, Value>>,
     /// State of its recording.
     pub recording: RecordingStatus,
     /// Share of the job that was done, 0 to 1.
     pub progress: f64,
+}
+
+impl JobEnd {
+    /// The end of a job without report and recording.
+    pub(crate) fn of(state: JobState, reason: impl Into<String>) -> Self {
+        Self { state, reason: reason.into(), report: None, recording: RecordingStatus::None, progress: 0.0 }
+    }
 }
 
 /// Outcome of a submission.
@@ -186,8 +152,6 @@ impl AuditEntry {
     pub(super) const STARTED: &str = "start";
     /// The daemon was shut down in order.
     pub(super) const ENDED: &str = "end";
-    /// The daemon had the plate for the first time.
-    pub(super) const ADD: &str = "add";
     /// The plate was paused.
     pub const PAUSE: &str = "pause";
     /// A job was deleted.
@@ -242,10 +206,8 @@ pub struct RecoveryReport {
     pub ended: Vec<JobId>,
     /// Plates that the store knew before this start.
     pub known: Vec<String>,
-    /// Plates that must not move until an operator resumes them.
-    pub paused: Vec<String>,
-    /// The newest ended job of each plate that was paused already.
-    pub paused_after: Vec<JobRow>,
+    /// Plates that must not move until an operator resumes them, with the causes.
+    pub paused: Vec<(String, PauseCause)>,
     /// True when the daemon had been shut down in order, and had left no job on a plate.
     pub clean: bool,
 }

@@ -4,11 +4,12 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
+use super::Plate;
 use super::watchdog::Heartbeat;
-use super::{LayoutView, Plate};
 use crate::store::JobId;
 use upm_core::job::StopCause;
 use upm_recording::{RecordingHandle, WriterStatus};
+use upm_runner::config::JobLayout;
 use upm_runner::run::{ExternalStop, PacingStats};
 
 /// The job on a plate, and the ends requested for it.
@@ -22,7 +23,7 @@ pub(crate) struct CurrentJob {
     /// The newest observation of the parts, in the members of a plate that tell it, and when it was made.
     seen: Mutex<(Plate, Option<Duration>)>,
     /// The job's layout, once its text has been read.
-    pub layout: Mutex<Option<LayoutView>>,
+    pub layout: Mutex<Option<JobLayout>>,
 }
 
 /// The plate's current job and its neighbours that matter to a cancel.

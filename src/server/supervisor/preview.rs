@@ -1,9 +1,12 @@
 use std::time::Duration;
 
 use bytes::Bytes;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder, Rgb, RgbImage};
+use imageproc::drawing::{draw_cross_mut, draw_hollow_circle_mut};
 use parking_lot::Mutex;
 
-use super::draw::{OverlayMark, draw};
+use upm_core::geometry::Vec2;
 use upm_core::signal::Frame;
 
 /// Time for which one request keeps pictures coming, and least time between two pictures.
@@ -57,6 +60,58 @@ impl FramePreview {
     }
 }
 
+const SEEN: Rgb<u8> = Rgb([0, 220, 90]);
+const UNSEEN: Rgb<u8> = Rgb([255, 60, 40]);
+const TARGET: Rgb<u8> = Rgb([60, 160, 255]);
+
+/// A mark drawn over a frame, px.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct OverlayMark {
+    pub center_px: Vec2,
+    /// Radius; 0 for a target.
+    pub radius_px: f64,
+    /// False for a part that the frame does not show at its expected position.
+    pub seen: bool,
+}
+
+/// `frame` at half its size with `marks` drawn over it, as PNG; `None` for a frame without pixels.
+fn draw(frame: &Frame, marks: &[OverlayMark]) -> Option<Vec<u8>> {
+    let [width, height] = [frame.width / 2, frame.height / 2].map(u32::try_from);
+    let mut picture = RgbImage::from_fn(width.ok()?, height.ok()?, |x, y| {
+        let (x, y) = (2 * x as usize, 2 * y as usize);
+        let levels = [y, y + 1].into_iter().flat_map(|y| frame.row(y).get(x..x + 2).unwrap_or(&[0; 2]));
+        let sum: u16 = levels.map(|level| u16::from(*level)).sum();
+        Rgb([((sum + 2) / 4) as u8; 3])
+    });
+    for mark in marks {
+        mark_in(&mut picture, mark);
+    }
+    let mut png = Vec::new();
+    PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Sub)
+        .write_image(picture.as_raw(), picture.width(), picture.height(), ExtendedColorType::Rgb8)
+        .ok()?;
+    Some(png)
+}
+
+fn mark_in(picture: &mut RgbImage, mark: &OverlayMark) {
+    // the centre of a half-size pixel is midway between the centres of two full-size pixels
+    let half = |px: f64| ((px - 0.5) / 2.0).round();
+    let (x, y) = (half(mark.center_px.x), half(mark.center_px.y));
+    let near = |v: f64, size: u32| v.is_finite() && v > -100.0 && v < f64::from(size) + 100.0;
+    if !(near(x, picture.width()) && near(y, picture.height())) {
+        return;
+    }
+    let center = (x as i32, y as i32);
+    if mark.radius_px > 0.0 {
+        let color = if mark.seen { SEEN } else { UNSEEN };
+        let radius = (mark.radius_px / 2.0).round().min(1000.0) as i32;
+        draw_hollow_circle_mut(picture, center, radius, color);
+        draw_hollow_circle_mut(picture, center, radius + 1, color);
+    } else {
+        draw_cross_mut(picture, TARGET, center.0, center.1);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -103,5 +158,31 @@ mod tests {
         let encoding = preview.0.lock();
         preview.offer(&frame(9), || unreachable!("the frame is not taken"), at(9000));
         drop(encoding);
+    }
+
+    #[test]
+    fn parts_are_ringed_and_targets_crossed() {
+        let frame = Frame::of_picture(200, 100, vec![100; 200 * 100]).unwrap();
+        let mark = |x: f64, y: f64, radius_px: f64, seen| OverlayMark { center_px: Vec2::new(x, y), radius_px, seen };
+        let marks = [
+            mark(40.5, 40.5, 20.0, true),
+            mark(140.5, 40.5, 20.0, false),
+            mark(80.5, 80.5, 0.0, true),
+            mark(f64::NAN, 0.0, 5.0, true),
+            mark(1e9, 0.0, 5.0, true),
+        ];
+        let picture = image::load_from_memory(&draw(&frame, &marks).unwrap()).unwrap().into_rgb8();
+        assert_eq!(picture.dimensions(), (100, 50));
+        let at = |x, y| *picture.get_pixel(x, y);
+        assert_eq!([at(30, 20), at(80, 20), at(40, 40)], [SEEN, UNSEEN, TARGET]);
+        assert_eq!(at(20, 20), Rgb([100; 3]), "nothing within a ring");
+    }
+
+    #[test]
+    fn odd_frame_sizes_are_encoded_without_a_fault() {
+        let frame = |width, height| Frame::new(width, height);
+        assert!(draw(&frame(0, 0), &[]).is_none_or(|png| !png.is_empty()));
+        assert!(draw(&frame(3, 1), &[]).is_none_or(|png| !png.is_empty()));
+        assert!(draw(&frame(33, 17), &[]).is_some());
     }
 }

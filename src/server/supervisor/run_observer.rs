@@ -1,4 +1,4 @@
-use super::draw::OverlayMark;
+use super::preview::OverlayMark;
 use crate::states::PlateCondition;
 use crate::supervisor::{Plate, PlateHandle};
 use upm_control::{ConditionChange, CycleFacts, EventFacts, EventKind, EventLevel, FrameFacts, LocalisedFacts, Sink};

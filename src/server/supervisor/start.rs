@@ -6,18 +6,21 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
+use super::PlateHandle;
 use super::current_job::CurrentJob;
 use super::emergency_stop::EmergencyStop;
+use super::job_rules::{JobRules, Standing};
 use super::latch::{Latch, make_folder};
 use super::preview::FramePreview;
-use super::standing::Standing;
-use super::validate::JobRules;
 use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::PlateWorker;
-use super::{PlateHandle, PlateSetup, SharedServices};
+use crate::states::PauseCause;
+use crate::store::{RecoveryReport, Store};
 use upm_core::rig::Interlock;
 use upm_core::time::{Clock, MonotonicClock};
-use upm_runner::config::WatchdogSpec;
+use upm_planning::cor_library::Library;
+use upm_recording::RerunMode;
+use upm_runner::config::{DaemonSpec, PlateSpec, WatchdogSpec};
 
 /// Longest time since the last check of a watchdog that is alive.
 const WATCHDOG_INTERVAL_LIMIT: Duration = Duration::from_secs(1);
@@ -33,14 +36,26 @@ pub struct PlateSupervisor {
 }
 
 impl PlateSupervisor {
-    /// Creates the plates and starts their threads. A plate whose latch is stopped stays stopped.
-    pub fn start(setups: Vec<PlateSetup>, around: &SharedServices) -> io::Result<Self> {
-        make_folder(&around.latches)?;
-        let clock = around.clock;
+    /// Creates the plates of the daemon with their `libraries` and starts their threads. A plate whose latch is stopped
+    /// stays stopped, and so does a known one without a latch file.
+    pub fn start(
+        daemon: &DaemonSpec,
+        libraries: Vec<Arc<Library>>,
+        store: &Arc<Store>,
+        recovery: &RecoveryReport,
+        clock: MonotonicClock,
+    ) -> io::Result<Self> {
+        let latches = daemon.data.join("latch");
+        make_folder(&latches)?;
+        let start = |(plate, library): (&PlateSpec, _)| {
+            let latch = Latch::open(&latches, &plate.name, recovery.known.contains(&plate.name))?;
+            let paused = recovery.paused.iter().find(|(name, _)| *name == plate.name).map(|(_, pause)| pause.clone());
+            start_plate(daemon, plate, library, store, latch, paused, clock)
+        };
         let plates: Vec<Arc<PlateHandle>> =
-            setups.into_iter().map(|setup| start_plate(setup, around)).collect::<io::Result<_>>()?;
+            daemon.plates.iter().zip(libraries).map(start).collect::<io::Result<_>>()?;
         let looked_ms = Arc::new(AtomicU64::new(ms(clock.elapsed())));
-        let (watched, spec, looked) = (plates.clone(), around.watchdog, Arc::clone(&looked_ms));
+        let (watched, spec, looked) = (plates.clone(), daemon.watchdog, Arc::clone(&looked_ms));
         let watchdog = thread::Builder::new().name("watchdog".into());
         let watchdog = watchdog.spawn(move || watch(&watched, spec, clock, &looked))?;
         Ok(Self { plates, clock, watchdog, looked_ms })
@@ -111,20 +126,24 @@ fn watch(plates: &[Arc<PlateHandle>], spec: WatchdogSpec, clock: MonotonicClock,
 
 /// A plate without a job, and its thread.
 fn start_plate(
-    PlateSetup { spec, known, library, paused }: PlateSetup,
-    around: &SharedServices,
+    daemon: &DaemonSpec,
+    spec: &PlateSpec,
+    library: Arc<Library>,
+    store: &Arc<Store>,
+    latch: Latch,
+    paused: Option<PauseCause>,
+    clock: MonotonicClock,
 ) -> io::Result<Arc<PlateHandle>> {
-    let SharedServices { clock, min_free_bytes, allow_faults, pace, .. } = *around;
-    let rules = JobRules { plate: spec.name.clone(), rig: spec.rig, library, allow_faults };
-    let standing = spec.standing.map(|standing| Standing::new(&standing, pace, &rules)).transpose()?;
+    let (name, rig) = (spec.name.clone(), spec.rig.clone());
+    let rules = JobRules { plate: name.clone(), rig, library, allow_faults: daemon.allow_faults };
+    let standing = spec.standing.as_ref().map(|standing| Standing::new(standing, daemon.pace, &rules)).transpose()?;
     let job = CurrentJob::default();
-    let latch = Latch::open(&around.latches, &spec.name, known)?;
     let interlock = Interlock::timed(Arc::new(clock));
     let plate = Arc::new(PlateHandle {
         clock,
         worker: OnceLock::new(),
         rules,
-        store: Arc::clone(&around.store),
+        store: Arc::clone(store),
         emergency_stop: EmergencyStop::new(latch, interlock, Arc::clone(&job.end_run)),
         job,
         ending: AtomicBool::new(false),
@@ -136,9 +155,10 @@ fn start_plate(
         recorders: AtomicUsize::new(0),
         #[cfg(test)]
         idled: AtomicU64::new(0),
-        name: spec.name,
+        name,
     });
-    let worker = PlateWorker { shared: Arc::clone(&plate), clock, rerun: around.rerun.clone(), min_free_bytes };
+    let rerun = daemon.rerun.clone().unwrap_or(RerunMode::Off);
+    let worker = PlateWorker { shared: Arc::clone(&plate), rerun, min_free_bytes: daemon.min_free_bytes };
     let thread = thread::Builder::new().name(format!("plate-{}", plate.name));
     let worker = thread.spawn(move || worker.work())?;
     plate.worker.get_or_init(|| worker);

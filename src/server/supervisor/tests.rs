@@ -4,18 +4,18 @@ mod stops;
 mod views;
 
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use super::*;
 use crate::states::PauseCause;
-use crate::store::{AuditEntry, JobId, JobRow, JobState, Pace, RecordingStatus, Store, SubmitOutcome};
+use crate::store::{AuditEntry, JobId, JobRow, JobState, Pace, RecordingStatus, RecoveryReport, Store, SubmitOutcome};
 use upm_core::rig::Trip;
 use upm_core::time::MonotonicClock;
 use upm_fixtures::wait::{eventually, eventually_true};
 use upm_planning::cor_library::Library;
 use upm_recording::{RecordingState, RerunMode};
-use upm_runner::config::{PlateSpec, RigSpec, StandingSpec, WatchdogSpec};
+use upm_runner::config::{DaemonSpec, PlateSpec, StandingSpec, WatchdogSpec};
 
 const LONG: Duration = Duration::from_secs(60);
 const TWO_COINS: &str = r#"{ "name": "two", "seed": 3, "parts": [{ "kind": "penny", "count": 2 }],
@@ -47,32 +47,32 @@ impl TestPlates {
         self.open_with(paused, |_| {})
     }
 
-    fn open_with(&self, paused: Option<&str>, change: impl FnOnce(&mut SharedServices)) -> PlateSupervisor {
+    fn open_with(&self, paused: Option<&str>, change: impl FnOnce(&mut DaemonSpec)) -> PlateSupervisor {
         let spec = PlateSpec {
             name: "one".into(),
-            rig: RigSpec::load(&root().join("configs/rigs/upm-2.json")).unwrap(),
+            rig: shipped().plates.swap_remove(1).rig,
             library: Default::default(),
             library_key: String::new(),
             standing: self.standing.clone(),
         };
-        let paused = paused.map(|why| PauseCause::new("test", why, "none"));
-        let setup = PlateSetup { spec, known: false, library: Arc::new(library()), paused };
-        let mut around = SharedServices {
-            store: Arc::clone(&self.store),
-            latches: self.folder.path().join("latch"),
-            clock: MonotonicClock::new(),
-            rerun: RerunMode::Off,
+        let paused = paused.map(|why| (spec.name.clone(), PauseCause::new("test", why, "none")));
+        let recovery = RecoveryReport { paused: paused.into_iter().collect(), ..Default::default() };
+        let mut daemon = DaemonSpec {
+            plates: vec![spec],
+            data: self.folder.path().to_owned(),
+            rerun: Some(RerunMode::Off),
             watchdog: WATCHDOG,
             min_free_bytes: 0,
             allow_faults: self.allow_faults,
             pace: Pace::Max,
+            ..shipped()
         };
-        change(&mut around);
-        PlateSupervisor::start(vec![setup], &around).unwrap()
+        change(&mut daemon);
+        PlateSupervisor::start(&daemon, vec![library()], &self.store, &recovery, MonotonicClock::new()).unwrap()
     }
 
     fn submit(&self, plate: &PlateHandle, text: &str, pace: Pace) -> JobId {
-        let job = plate.validate(text, pace).unwrap();
+        let job = plate.rules.validated(text, pace).unwrap();
         let Ok(Some(SubmitOutcome::New(row))) = self.store.accept(&job, || true) else { panic!("not queued") };
         plate.job_queued();
         row.id
@@ -111,8 +111,17 @@ fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
 }
 
-fn library() -> Library {
-    Library::load(&root().join("assets/libraries/upm-2.json")).unwrap()
+fn library() -> Arc<Library> {
+    static LIBRARY: LazyLock<Arc<Library>> =
+        LazyLock::new(|| Arc::new(Library::load(&root().join("assets/libraries/upm-2.json")).unwrap()));
+    Arc::clone(&LIBRARY)
+}
+
+/// The shipped configuration of a daemon.
+fn shipped() -> DaemonSpec {
+    static SHIPPED: LazyLock<DaemonSpec> =
+        LazyLock::new(|| DaemonSpec::load(&root().join("configs/daemon.json")).unwrap());
+    SHIPPED.clone()
 }
 
 /// Returns once the plate's worker has checked for work and found none.
@@ -227,12 +236,12 @@ fn invalid_job_is_rejected_before_it_is_queued() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
-    let refusal = |text: &str| plate.validate(text, Pace::Max).unwrap_err()[0].to_string();
+    let refusal = |text: &str| plate.rules.validated(text, Pace::Max).unwrap_err()[0].to_string();
     assert!(refusal(&TWO_COINS.replace("penny", "pennyy")).contains("did you mean penny?"));
     assert!(refusal(&TWO_COINS.replace("[40, 0]", "[400, 0]")).contains("targets_mm[1]"));
     assert!(refusal("{").starts_with("job: "));
-    let job = plate.validate(TWO_COINS, Pace::RealTime).unwrap();
-    assert_eq!((job.name.as_str(), job.plate.as_str(), job.seed), ("two", "one", 3));
+    let job = plate.rules.validated(TWO_COINS, Pace::RealTime).unwrap();
+    assert_eq!((job.row.name.as_str(), job.row.plate.as_str(), job.row.seed), ("two", "one", 3));
     let spec: serde_json::Value = serde_json::from_str(&job.spec_json).unwrap();
     assert!(spec["rig"].is_null(), "the plate's own rig applies");
 }

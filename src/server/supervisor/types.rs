@@ -1,17 +1,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::LayoutPartView;
 use crate::states::{PauseCause, PlateCondition, PlateState, StandingJob};
 use crate::store::StoreFault;
+use upm_core::job::LayoutPart;
 use upm_recording::{RecordingState, StopReport};
 
 impl PauseCause {
-    /// A pause for the cause with this code, in words, and the operator's checks or actions.
-    pub(crate) fn new(code: &str, why: &str, remedy: &str) -> Self {
-        Self { code: code.to_owned(), remedy: remedy.to_owned(), remedy_in_why: false, why: why.to_owned() }
-    }
-
     /// A pause after a job that ended for `reason`, which is followed by the remedy of its cause.
     pub(crate) fn after(stop: Option<&StopReport>, reason: &str) -> Self {
         let stated = stop.and_then(|stop| stop.remedy.as_deref());
@@ -51,7 +46,7 @@ pub struct Plate {
     pub side_mm: f64,
     /// The kinds of parts that its rig knows.
     #[serde(default)]
-    pub kinds: Vec<LayoutPartView>,
+    pub kinds: Vec<LayoutPart>,
     /// Position of each part, mm.
     pub positions_mm: Vec<[f64; 2]>,
     /// Radius of each part, mm.
@@ -80,7 +75,7 @@ pub struct Plate {
 
 /// Why a plate was not reset.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ResetFault {
+pub(crate) enum ResetFault {
     /// No emergency stop holds.
     #[error("the plate is not stopped")]
     NotStopped,

@@ -6,17 +6,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use serde_json::Value;
+
 use super::PlateHandle;
+use super::job_rules::Standing;
 use super::run_observer::RunObserver;
-use super::standing::Standing;
 use crate::states::PauseCause;
-use crate::store::{ClaimedJob, Job, JobEnd, JobId, JobRow, JobState, Pace, RecordingStatus, StoreFault};
+use crate::store::{Job, JobEnd, JobId, JobRow, JobState, JobWithSpec, Pace, RecordingStatus, StoreFault, low_disk};
 use upm_core::background::OverflowPolicy;
 use upm_core::files::free_bytes;
 use upm_core::job::StopCause;
 use upm_core::rig::Trip;
 use upm_core::thread_priority::raise_thread_priority;
-use upm_core::time::MonotonicClock;
 use upm_recording::{RecordingHandle, RecordingOptions, RecordingState, RerunMode, StopReport, WriterStatus};
 use upm_runner::config::{DeadlinePolicy, JobLayout, JobSpec, Origin};
 use upm_runner::run::{RunControls, RunFolder, RunOptions, RunResult, run_linked};
@@ -32,7 +33,6 @@ const RECORDED_WITHIN: Duration = Duration::from_secs(2);
 /// The thread of one plate: takes its jobs one after another and runs them.
 pub(super) struct PlateWorker {
     pub shared: Arc<PlateHandle>,
-    pub clock: MonotonicClock,
     /// Destination of the runs' recordings.
     pub rerun: RerunMode,
     /// Free bytes below which the standing job waits.
@@ -76,14 +76,14 @@ impl PlateWorker {
     }
 
     /// The oldest queued job, or the standing job when none is queued and it may run.
-    fn next_job(&self) -> Result<Option<ClaimedJob>, StoreFault> {
+    fn next_job(&self) -> Result<Option<JobWithSpec>, StoreFault> {
         let store = &self.shared.store;
         let folder = |row: &JobRow| make_folder(store.runs(), row);
         if let Some(claimed) = store.claim(&self.shared.name, &folder)? {
             return Ok(Some(claimed));
         }
         let Some(standing) = &self.shared.standing else { return Ok(None) };
-        let low = self.low_disk();
+        let low = low_disk(free_bytes(store.runs()).ok(), self.min_free_bytes);
         let is_held = low.is_some();
         if standing.hold(low.clone())
             && let Some(why) = low
@@ -96,13 +96,7 @@ impl PlateWorker {
         store.begin_standing(&standing.job, &folder)
     }
 
-    /// The reason to begin nothing that can wait: less is free on the disk than is to stay free.
-    fn low_disk(&self) -> Option<String> {
-        let free = free_bytes(self.shared.store.runs()).ok().filter(|free| *free < self.min_free_bytes)?;
-        Some(format!("the disk has only {:.0} MB left", free as f64 * 1e-6))
-    }
-
-    fn run(&self, claimed: &ClaimedJob) {
+    fn run(&self, claimed: &JobWithSpec) {
         let id = claimed.row.id;
         let (recording, journal) = (RecordingHandle::default(), WriterStatus::default());
         self.shared.preview.clear();
@@ -136,7 +130,7 @@ impl PlateWorker {
 
     fn play(
         &self,
-        ClaimedJob { row, spec_json }: &ClaimedJob,
+        JobWithSpec { row, spec_json }: &JobWithSpec,
         folder: &Path,
         recording: &RecordingHandle,
         journal: WriterStatus,
@@ -146,7 +140,9 @@ impl PlateWorker {
         if row.rig_fingerprint != shared.rules.rig.fingerprint {
             return Err(vec!["the plate has another rig than when the job was accepted".to_owned()]);
         }
-        *shared.job.layout.lock() = Some(JobLayout::of(&job).into());
+        let layout = JobLayout::of(&job);
+        let radii_m = layout.parts.iter().map(|part| part.radius_m).collect();
+        *shared.job.layout.lock() = Some(layout);
         let folder = RunFolder::reopen(folder).ok_or_else(|| vec!["its run folder is gone".to_owned()])?;
         if !folder.files().is_empty() {
             return Err(vec!["its run folder holds a run: it had begun before, and is not run again".to_owned()]);
@@ -171,7 +167,7 @@ impl PlateWorker {
                 },
                 recording: recording.clone(),
                 has_clock: real_time,
-                clock: self.clock,
+                clock: shared.clock,
             },
         };
         let (stop, interlock, pacing) = (&shared.job.end_run, &shared.emergency_stop.interlock, &shared.job.pacing);
@@ -179,8 +175,8 @@ impl PlateWorker {
         let standing = shared.standing.as_ref().filter(|_| row.standing);
         let give_way = standing.map_or(&never, |standing| &standing.give_way);
         let controls = RunControls { stop, give_way, interlock, pacing, cause: &|| shared.cause() };
-        let clock = self.clock;
-        let mut observer = RunObserver::new(shared, &clock, radii_of(&job));
+        let clock = shared.clock;
+        let mut observer = RunObserver::new(shared, &clock, radii_m);
         run_linked(&job, Arc::clone(&shared.rules.library), folder, &options, &clock, controls, &mut observer)
             .map_err(|error| error.lines())
     }
@@ -191,13 +187,13 @@ impl PlateWorker {
             Ok(result) => result.report,
             // the stop is the cause, even when it could not be written to the run's files
             Err(lines) if self.shared.emergency_stop.holds() || is_cancelled => {
-                return ended(JobState::Cancelled, format!("stopped; {}", lines.join("; ")), None);
+                return JobEnd::of(JobState::Cancelled, format!("stopped; {}", lines.join("; ")));
             }
-            Err(lines) => return ended(JobState::Failed, lines.join("; "), None),
+            Err(lines) => return JobEnd::of(JobState::Failed, lines.join("; ")),
         };
         let state = JobState::of_end(report.outcome, report.stop.as_ref().map(|stop| stop.code));
-        let report_json = serde_json::to_string(&report).ok();
-        ended(state, report.reason, report_json)
+        let json = serde_json::to_value(&report).ok();
+        JobEnd { report: json.as_ref().and_then(Value::as_object).cloned(), ..JobEnd::of(state, report.reason) }
     }
 
     fn log(&self, id: &JobId, JobEnd { state, reason, .. }: &JobEnd) {
@@ -246,16 +242,6 @@ impl PlateWorker {
             thread::park_timeout(STORED_AGAIN);
         }
     }
-}
-
-/// Radius of each part, m, in the order of the job.
-fn radii_of(job: &JobSpec) -> Vec<f64> {
-    let radius = |kind: usize| job.rig.kinds.get(kind).map_or(0.0, |spec| spec.kind.radius_m);
-    job.parts.iter().flat_map(|group| std::iter::repeat_n(radius(group.kind), group.count)).collect()
-}
-
-fn ended(state: JobState, reason: String, report_json: Option<String>) -> JobEnd {
-    JobEnd { state, reason, report_json, recording: RecordingStatus::None, progress: 0.0 }
 }
 
 /// Creates the job's own folder, named after it, before the job is claimed, so that no job is ever without one. An

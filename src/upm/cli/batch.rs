@@ -2,12 +2,12 @@
 
 mod seeds;
 mod summary;
-mod table;
 mod workers;
 
 use std::path::Path;
-use std::sync::Mutex;
 use std::sync::atomic::Ordering;
+
+use parking_lot::Mutex;
 
 use super::args::{Common, RunArgs};
 use super::output::{Failure, INTERRUPTED, print, stop_on_interrupt};
@@ -52,7 +52,7 @@ pub(super) fn batch(file: &Path, seeds: &Seeds, args: &RunArgs, common: Common) 
     let text = serde_json::to_string_pretty(&summary).map_err(Failure::failed)? + "\n";
     std::fs::write(&file, text).map_err(|error| Failure::write(&file, error))?;
     print(common.json, &summary, || {
-        table::lines(&summary).iter().try_for_each(|line| outln!("{line}"))?;
+        summary::lines(&summary).iter().try_for_each(|line| outln!("{line}"))?;
         outln!("  {:15} {}", "run folders", out.display())?;
         outln!("  {:15} {}", "written", file.display())
     })?;

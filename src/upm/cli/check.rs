@@ -1,8 +1,6 @@
-mod coverage_report;
-mod picture;
+mod coverage;
 mod plan;
 mod plan_picture;
-mod plan_statistics;
 
 use std::path::Path;
 
@@ -212,8 +210,8 @@ fn check_library(path: &Path, rig: Option<&RigSpec>) -> CheckFinding {
     }
     let says = format!("library of {}, {} motions", library.rig, library.entries.len());
     let coverage = Coverage::of(&library);
-    let (lines, json) = (coverage_report::lines(&coverage), coverage_report::json(&coverage));
-    let chart = picture::coverage_chart(&coverage, &library.rig);
+    let (lines, json) = (coverage::lines(&coverage), coverage::json(&coverage));
+    let chart = coverage::coverage_chart(&coverage, &library.rig);
     let report = Some(FileReport { key: "coverage", lines, json, chart, is_failure: false });
     Ok(ValidFile { says, report, warnings: Vec::new() })
 }

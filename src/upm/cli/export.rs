@@ -14,7 +14,7 @@ use super::output::{Failure, print};
 use super::run_args::ExportArgs;
 use super::run_folder::run_folder;
 use parquet_file::ParquetFile;
-use tables::{Column, POSITIONS, PULSES, TABLES, TARGETS, TIMINGS, Table};
+use tables::{Column, TABLES, Table};
 use upm_recording::Report;
 use upm_runner::config::reason;
 
@@ -40,8 +40,7 @@ pub(super) fn export(args: &ExportArgs, common: Common) -> Result<u8, Failure> {
     match &report {
         Some(report) => {
             let timings: Vec<_> = json!(report.timing_us).as_object().into_iter().flatten().map(|t| json!(t)).collect();
-            let rows = TIMINGS.rows(&json!({ "timings": timings })).map_err(Failure::failed)?;
-            files.add(&TIMINGS, &rows)?;
+            files.add("report", &json!({ "timings": timings }), Failure::failed)?;
         }
         None => tracing::warn!("{}: no report.json: no names of parts and no timings", run.display()),
     }
@@ -102,7 +101,7 @@ impl TableFiles {
             Ok(TableFile { table, path, writer, rows: 0 })
         };
         let endings = [(args.csv, "csv"), (args.parquet, "parquet")].into_iter().filter(|(is_asked, _)| *is_asked);
-        let files = endings.flat_map(|(_, ending)| TABLES.map(|table| create(table, ending)));
+        let files = endings.flat_map(|(_, ending)| TABLES.iter().map(move |table| create(table, ending)));
         files.collect::<Result<_, _>>().map(Self)
     }
 
@@ -128,22 +127,19 @@ impl TableFiles {
                 break;
             }
             let mut line: Value = serde_json::from_slice(&bytes).map_err(|error| fault(error.to_string()))?;
-            let tables: &[&Table] = match line.get("type").and_then(Value::as_str) {
-                Some("cycle") => &[&POSITIONS, &TARGETS, &PULSES],
-                Some("unfinished_cycle") => &[&PULSES],
-                Some(_) => continue,
-                None => return Err(fault("no type".to_owned())),
+            let Some(kind) = line.get("type").and_then(Value::as_str).map(str::to_owned) else {
+                return Err(fault("no type".to_owned()));
             };
             line["parts"] = parts.clone();
-            for table in tables {
-                self.add(table, &table.rows(&line).map_err(fault)?)?;
-            }
+            self.add(&kind, &line, fault)?;
         }
         Ok(())
     }
 
-    fn add(&mut self, table: &Table, rows: &[Vec<Value>]) -> Result<(), Failure> {
-        self.0.iter_mut().filter(|file| file.table.name == table.name).try_for_each(|file| {
+    /// Adds the rows of a line of this type to all tables; `fault` is for what the line lacks.
+    fn add(&mut self, kind: &str, line: &Value, fault: impl Fn(String) -> Failure) -> Result<(), Failure> {
+        self.0.iter_mut().filter(|file| file.table.lines.iter().any(|of| of == kind)).try_for_each(|file| {
+            let rows = file.table.rows(line).map_err(&fault)?;
             file.rows += rows.len() as u64;
             rows.iter().try_for_each(|row| file.writer.row(row)).map_err(|error| Failure::write(&file.path, error))
         })

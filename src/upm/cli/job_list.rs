@@ -60,12 +60,10 @@ fn parts(job: &JobSpec) -> String {
 }
 
 fn task(job: &JobSpec) -> String {
+    let name = job.effective()["task"]["type"].as_str().unwrap_or_default().replace('_', " ");
     match &job.task {
-        TaskSpec::PlusSign { .. } => "plus sign".to_owned(),
-        TaskSpec::Trajectories { .. } => "trajectories".to_owned(),
-        TaskSpec::Arrange { .. } => "arrange".to_owned(),
-        TaskSpec::Sort { bins } => format!("sort into {} bins", bins.len()),
-        TaskSpec::Hold { .. } => "hold".to_owned(),
+        TaskSpec::Sort { bins } => format!("{name} into {} bins", bins.len()),
+        _ => name,
     }
 }
 

@@ -1,7 +1,6 @@
 //! `upm locate`: table and parts in picture files.
 
 mod doubts;
-mod maps;
 mod naming;
 mod panels;
 mod picture;

@@ -1,6 +1,6 @@
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
-use std::{env, io, thread};
+use std::{env, io};
 
 use tracing::Subscriber;
 use tracing::level_filters::LevelFilter;
@@ -14,9 +14,8 @@ use upm_core::background::{BackgroundThread, OverflowPolicy, Queue};
 
 /// Lines of a daemon's log that may wait for its reader.
 const LINES: usize = 1024;
-/// Time for which the end of the program waits for that reader, and the number of its attempts to queue the end.
+/// Time for which the end of the program waits for room in that queue, and for its reader.
 const FLUSH_TIMEOUT: Duration = Duration::from_secs(1);
-const ATTEMPTS: u32 = 50;
 
 /// Starts the log on stderr. `daemon` is the format of a daemon's log, which has times and one level more than those of
 /// other commands, since these run while a person watches. The log of a daemon never waits for its reader; dropping the
@@ -53,14 +52,8 @@ impl Drop for FlushGuard {
             tracing::warn!("{lost} lines of the log were lost");
         }
         // a reader that is only slow makes room for the end
-        let ends = (0..ATTEMPTS).any(|_| {
-            let is_queued = self.lines.0.send(None).is_ok();
-            if !is_queued {
-                thread::sleep(FLUSH_TIMEOUT / ATTEMPTS);
-            }
-            is_queued
-        });
-        if let Some(writer) = self.writer.take().filter(|_| ends) {
+        let patient = self.lines.0.with_policy(OverflowPolicy::WaitAtMost(FLUSH_TIMEOUT));
+        if let Some(writer) = self.writer.take().filter(|_| patient.send(None).is_ok()) {
             writer.wait_within(FLUSH_TIMEOUT).ok();
         }
     }

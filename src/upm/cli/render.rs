@@ -1,5 +1,4 @@
 use std::fs;
-use std::path::Path;
 
 use image::GrayImage;
 use serde_json::{Value, json};
@@ -7,7 +6,6 @@ use serde_json::{Value, json};
 use super::args::{Common, RenderArgs};
 use super::output::{Failure, print_json};
 use super::run::run_failure;
-use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
 use upm_runner::config::{JobSpec, listed};
 use upm_runner::run::{FirstFrame, first_frame};
@@ -18,13 +16,15 @@ const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "pgm", "tif", "tiff"];
 pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
     let ending = args.out.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
     if !PICTURES.contains(&ending.as_str()) {
-        let allowed = listed(&PICTURES);
-        return Err(Failure::bad_input(format!(
-            "--out: expected a name ending in {allowed}, found {}",
-            args.out.display()
-        )));
+        let (allowed, found) = (listed(&PICTURES), args.out.display());
+        return Err(Failure::bad_input(format!("--out: expected a name ending in {allowed}, found {found}")));
     }
-    let (frame, truth) = of_job(&args.job, args.seed)?;
+    let mut job = JobSpec::load(&args.job).map_err(Failure::of_files)?;
+    if let Some(seed) = args.seed {
+        job = job.with_seed(seed);
+    }
+    let first = first_frame(&job).map_err(|error| run_failure(&error))?;
+    let (truth, frame) = (truth(&first), first.frame);
     GrayImage::from_raw(frame.width as u32, frame.height as u32, frame.pixels)
         .ok_or_else(|| Failure::failed("the camera's frame has no picture"))?
         .save(&args.out)
@@ -36,16 +36,6 @@ pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
         print_json(&truth)?;
     }
     Ok(0)
-}
-
-fn of_job(path: &Path, seed: Option<u64>) -> Result<(Frame, Value), Failure> {
-    let mut job = JobSpec::load(path).map_err(Failure::of_files)?;
-    if let Some(seed) = seed {
-        job = job.with_seed(seed);
-    }
-    let first = first_frame(&job).map_err(|error| run_failure(&error))?;
-    let truth = truth(&first);
-    Ok((first.frame, truth))
 }
 
 fn truth(first: &FirstFrame) -> Value {

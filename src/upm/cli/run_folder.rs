@@ -26,7 +26,7 @@ pub(super) fn run_folder(args: &RunFolderArgs) -> Result<PathBuf, Failure> {
         });
     }
     runs.sort_by(|a, b| a.name.cmp(&b.name));
-    match by_prefix(&text, &runs, |run| &run.name, |run| run.name.clone()) {
+    match by_prefix(&text, &runs, |run| run.name.clone(), |run| run.name.clone()) {
         Ok(Some(run)) => Ok(run.path.clone()),
         Ok(None) => {
             Err(Failure::bad_input(format!("RUN: expected {allowed} in {shown_out} (--out DIR), found {text:?}")))

@@ -28,16 +28,9 @@ fn print_table(spec: &SimulateSpec, result: &OpenLoopTrajectories) -> Result<(),
     for (placed, part) in spec.parts.iter().zip(&result.parts) {
         let ends = |values: &[f64]| [values.first(), values.last()].map(|v| v.copied().unwrap_or_default());
         let (x, y, theta) = (ends(&part.x_m).map(mm_from_m), ends(&part.y_m).map(mm_from_m), ends(&part.theta_rad));
-        let moved = (x[1] - x[0]).hypot(y[1] - y[0]);
-        outln!(
-            "  {:12} {:9.3},{:9.3} {:9.3},{:9.3} {moved:9.3} {:9.2}",
-            placed.id,
-            x[0],
-            y[0],
-            x[1],
-            y[1],
-            (theta[1] - theta[0]).to_degrees()
-        )?;
+        let [from, to] = [0, 1].map(|end| format!("{:9.3},{:9.3}", x[end], y[end]));
+        let (moved, turned_deg) = ((x[1] - x[0]).hypot(y[1] - y[0]), (theta[1] - theta[0]).to_degrees());
+        outln!("  {:12} {from} {to} {moved:9.3} {turned_deg:9.2}", placed.id)?;
     }
     Ok(())
 }

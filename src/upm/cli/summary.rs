@@ -90,3 +90,10 @@ fn loop_errors(report: &Report) -> impl Iterator<Item = (&'static str, String)> 
 pub(super) fn planner_line(PlannerReport { name, why, alternatives, .. }: &PlannerReport) -> String {
     format!("{name}: {why}; also possible: {}", alternatives.join(", "))
 }
+
+/// The median of sorted values; `None` without any.
+pub(super) fn median(sorted: &[f64]) -> Option<f64> {
+    let upper = *sorted.get(sorted.len() / 2)?;
+    let lower = *sorted.get((sorted.len() - 1) / 2)?;
+    Some(0.5 * (lower + upper))
+}

@@ -33,15 +33,3 @@ fn only_what_was_recorded_is_served() {
         assert_eq!(read(&api, &row).status, 409, "a link may leave the folder");
     }
 }
-
-#[test]
-fn downloads_have_a_limit() {
-    let api = TestApi::stopped();
-    let (row, _) = recorded(&api, RecordingStatus::Whole);
-    let path = format!("/v1/jobs/{}/recording", row.id);
-    let mut held: Vec<_> = (0..8).map(|_| api.runtime.block_on(api.open(request("GET", &path, &[], "")))).collect();
-    let refused = read(&api, &row);
-    assert_eq!((refused.status, refused.header("retry-after")), (503, "10"));
-    held.pop();
-    assert_eq!(read(&api, &row).status, 200);
-}

@@ -4,7 +4,7 @@ use std::net::{TcpListener, TcpStream};
 
 use super::*;
 use crate::api::EVENT_STREAMS;
-use crate::http::{ShutdownReport, serve};
+use crate::http::serve;
 
 /// An event: its kind, `id` and data; for one of kind `job` the job's state.
 type Heard = (&'static str, Option<u64>, String);
@@ -133,7 +133,7 @@ fn fifty_streams_end_at_shutdown() {
     let row = api.queue();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
-    let (app, stop) = (api.app.clone(), api.stop.clone());
+    let (app, stop) = (api.app.clone(), api.daemon.ending.clone());
     let server = std::thread::spawn(move || serve(listener, app, &stop, Duration::from_secs(10), || ()).unwrap());
     let mut clients: Vec<TcpStream> = (0..50)
         .map(|_| {
@@ -144,12 +144,12 @@ fn fifty_streams_end_at_shutdown() {
             client
         })
         .collect();
-    api.stop.cancel();
+    api.daemon.ending.cancel();
     for client in &mut clients {
         let mut rest = String::new();
         client.read_to_string(&mut rest).unwrap();
         assert!(rest.ends_with("0\r\n\r\n"), "{rest}");
     }
     drop(clients);
-    assert_eq!(server.join().unwrap(), ShutdownReport { dropped: 0 });
+    assert_eq!(server.join().unwrap(), 0);
 }

@@ -1,7 +1,14 @@
 use std::fs;
 
 use super::*;
+use crate::states::PauseCause;
+use crate::store::RecoveryReport;
 use crate::store::schema::{APPLICATION_ID, VERSION};
+
+/// Names of the plates that are paused.
+fn paused(recovery: &RecoveryReport) -> Vec<String> {
+    recovery.paused.iter().map(|(plate, _)| plate.clone()).collect()
+}
 
 #[test]
 fn nothing_that_was_answered_is_lost_and_nothing_runs_twice() {
@@ -10,8 +17,8 @@ fn nothing_that_was_answered_is_lost_and_nothing_runs_twice() {
     let waiting = queue(&store, "two", "a").id;
     fs::write(store.runs().join("one/journal.jsonl"), "{}\n").unwrap();
     let (_copy, OpenOutcome { store: again, recovery }) = killed(folder.path());
+    assert_eq!((paused(&recovery), &recovery.known), (plates(), &plates()));
     assert_eq!((recovery.clean, recovery.interrupted, recovery.ended), (false, vec![running], vec![]));
-    assert_eq!((recovery.paused, recovery.known), (plates(), plates()));
     let row = job(&again, running);
     assert_eq!((row.state, row.reason.as_str()), (JobState::Interrupted, "the daemon ended while it ran"));
     assert_eq!((row.finished_at.is_some(), row.recording), (true, RecordingStatus::None));
@@ -66,19 +73,21 @@ fn after_an_orderly_end_only_plates_with_work_or_a_pause_are_paused() {
     queue(&store, "one", "b");
     assert!(store.close(TIMEOUT));
     let OpenOutcome { store, recovery } = open(folder.path(), limits());
-    assert_eq!((recovery.clean, recovery.paused), (true, vec!["b".to_owned()]));
-    let pause = |store: &Store, act| store.audit(&AuditEntry::of_plate("b", act, "why")).unwrap();
-    pause(&store, AuditEntry::RESUME);
+    assert_eq!((recovery.clean, recovery.paused), (true, vec![("b".to_owned(), PauseCause::restarted())]));
+    let set_pause = |store: &Store, act, pause: Option<&PauseCause>| {
+        store.set_pause("b", pause, &AuditEntry::of_plate("b", act, "why")).unwrap();
+    };
+    set_pause(&store, AuditEntry::RESUME, None);
     let id = claim(&store, "b").unwrap().row.id;
     store.finish(&id, &end(JobState::Completed)).unwrap();
     assert!(store.close(TIMEOUT));
     let OpenOutcome { store, recovery } = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused), (true, vec![]));
-    pause(&store, AuditEntry::PAUSE);
+    let pause = PauseCause::new("part_lost", "a part is lost", "put it back");
+    set_pause(&store, AuditEntry::PAUSE, Some(&pause));
     assert!(store.close(TIMEOUT));
     let OpenOutcome { recovery, .. } = open(folder.path(), limits());
-    assert_eq!((recovery.clean, recovery.paused), (true, vec!["b".to_owned()]));
-    assert_eq!(recovery.paused_after.iter().map(|row| row.id).collect::<Vec<_>>(), [id]);
+    assert_eq!((recovery.clean, recovery.paused), (true, vec![("b".to_owned(), pause)]));
 }
 
 #[test]
@@ -87,7 +96,7 @@ fn job_left_on_its_plate_at_an_orderly_end_pauses_all() {
     let id = begin(&store, "one", "a").id;
     assert!(store.close(TIMEOUT));
     let OpenOutcome { recovery, .. } = open(folder.path(), limits());
-    assert_eq!((recovery.clean, recovery.paused, recovery.interrupted), (false, plates(), vec![id]));
+    assert_eq!((recovery.clean, paused(&recovery), recovery.interrupted), (false, plates(), vec![id]));
 }
 
 #[test]
@@ -177,11 +186,11 @@ fn file_that_is_no_store_of_this_version_is_refused_and_left_untouched() {
         text
     };
     let files = [
-        (other(60, &[0, 0, 0, 9]), "expected a job store of version 3, found version 9: choose another data folder"),
-        (other(68, b"song"), "expected a job store of version 3, found another database: choose another data folder"),
+        (other(60, &[0, 0, 0, 9]), "expected a job store of version 4, found version 9: choose another data folder"),
+        (other(68, b"song"), "expected a job store of version 4, found another database: choose another data folder"),
         (
             b"notes of a person".to_vec(),
-            "expected a job store of version 3, found no database: choose another data folder",
+            "expected a job store of version 4, found no database: choose another data folder",
         ),
     ];
     for (text, wanted) in files {

@@ -3,7 +3,9 @@ use std::fs;
 
 use super::*;
 
-const NO_JOB: JobId = JobId::from_bytes([9; 16]);
+fn no_job() -> JobId {
+    JobId::default()
+}
 
 #[test]
 fn answered_job_is_the_stored_one() {
@@ -30,7 +32,7 @@ fn answered_job_is_the_stored_one() {
     assert!(store.close(TIMEOUT));
     assert_eq!(store.job(&row.id), Err(StoreFault::Closed));
     assert_eq!(job(&open(folder.path(), limits()).store, row.id), ended);
-    assert!(store.finish(&NO_JOB, &end(JobState::Failed)).is_err());
+    assert!(store.finish(&no_job(), &end(JobState::Failed)).is_err());
 }
 
 #[test]
@@ -79,7 +81,7 @@ fn job_moved_to_the_front_runs_first_also_after_a_restart() {
     assert_eq!(to_front(&store, second), Some(-1));
     assert_eq!(to_front(&store, third), Some(-2));
     assert_eq!([third, elsewhere].map(|id| to_front(&store, id)), [Some(-2), Some(0)], "they are first already");
-    assert_eq!(to_front(&store, NO_JOB), None);
+    assert_eq!(to_front(&store, no_job()), None);
     drop(store);
     let store = open(folder.path(), limits()).store;
     let next = claim(&store, "a").unwrap().row;
@@ -99,7 +101,7 @@ fn only_queued_jobs_are_cancelled() {
     assert_eq!((row.state, row.reason.as_str()), (JobState::Cancelled, "cancelled before it began"));
     assert!(is_cancelled);
     assert!(matches!(cancel(waiting), Some((row, false)) if row.state == JobState::Cancelled));
-    assert_eq!(cancel(NO_JOB), None);
+    assert_eq!(cancel(no_job()), None);
     assert_eq!(claim(&store, "a"), None);
 }
 
@@ -117,9 +119,11 @@ fn folder_that_cannot_be_made_leaves_the_job_queued() {
 #[test]
 fn repeated_key_gives_the_same_job_also_after_its_deletion() {
     let (folder, store) = new_store(limits());
-    let keyed = NewJob { key: Some("k".into()), ..new_job("one", "a") };
+    let mut keyed = new_job("one", "a");
+    keyed.row.key = Some("k".into());
     let SubmitOutcome::New(row) = accept(&store, &keyed) else { panic!("a new key") };
-    let other = NewJob { body_sha256: [8; 32], ..keyed.clone() };
+    let mut other = keyed.clone();
+    other.row.body_sha256 = [8; 32];
     assert_eq!(accept(&store, &keyed), SubmitOutcome::Replayed(row.clone()));
     assert_eq!(accept(&store, &other), SubmitOutcome::KeyReused);
     assert_eq!(store.repeated("k", &[7; 32]), Ok(Some(SubmitOutcome::Replayed(row.clone()))));

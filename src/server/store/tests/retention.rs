@@ -3,7 +3,7 @@ use std::fs;
 use super::*;
 
 /// Begins a run of the standing job of plate `a`, in a folder called `name`.
-fn begin_standing(store: &Store, name: &str) -> Option<ClaimedJob> {
+fn begin_standing(store: &Store, name: &str) -> Option<JobWithSpec> {
     let runs = store.runs().to_owned();
     let make = move |_: &JobRow| {
         fs::create_dir(runs.join(name))?;

@@ -3,6 +3,9 @@
 use super::*;
 use crate::store::Job;
 
+const REST: &str =
+    r#"{ "name": "rest", "parts": [{ "kind": "penny" }], "task": { "type": "hold", "duration_s": 0.2 } }"#;
+
 /// Runs a job with one fault on a plate with a watchdog; returns its report and the plate's pause.
 fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (serde_json::Value, Option<PauseCause>) {
     let test_plates = TestPlates { allow_faults: true, ..TestPlates::new() };
@@ -10,7 +13,7 @@ fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (s
     let plate = plates.get("one").unwrap();
     let fault = serde_json::json!([{"component": component, "kind": kind, "from_s": from_s, "to_s": to_s}]);
     let text = TWO_COINS.replace("\"seed\"", &format!("\"faults\": {fault}, \"seed\""));
-    let [job, behind] = [&text, TWO_COINS].map(|text| test_plates.submit(plate, text, Pace::Max));
+    let [job, behind] = [&text, REST].map(|text| test_plates.submit(plate, text, Pace::Max));
     let report = test_plates.ended(&job).job.report.unwrap().into();
     let pause = plate.paused();
     if pause.is_some() {
@@ -58,7 +61,7 @@ fn job_with_faults_is_refused_unless_the_file_allows_them() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     let text = TWO_COINS.replace("\"seed\"", r#""faults": [{"component": "camera", "kind": "freeze"}], "seed""#);
-    let refused = plates.get("one").unwrap().validate(&text, Pace::Max).unwrap_err();
+    let refused = plates.get("one").unwrap().rules.validated(&text, Pace::Max).unwrap_err();
     let line = "job: faults: expected none (unless the daemon's file says \"allow_faults\": true), found 1 fault";
     assert_eq!(refused.iter().map(ToString::to_string).collect::<Vec<_>>(), [line]);
 }
@@ -68,7 +71,7 @@ fn job_with_a_library_is_refused() {
     let plates = TestPlates::new().open(None);
     let refusal = |value: &str| {
         let text = TWO_COINS.replace("\"seed\"", &format!(r#""library": {value}, "seed""#));
-        let refused = plates.get("one").unwrap().validate(&text, Pace::Max).unwrap_err();
+        let refused = plates.get("one").unwrap().rules.validated(&text, Pace::Max).unwrap_err();
         refused.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
     let line = "job: library: expected nothing (plate one has its library), found a library";

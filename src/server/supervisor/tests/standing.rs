@@ -1,7 +1,7 @@
 //! Standing jobs: they run on an idle plate and give way to every queued job.
 
 use super::*;
-use crate::states::StandingJob;
+use crate::states::{StandingJob, StandingState};
 use upm_runner::config::{JobSpec, Origin};
 
 /// A standing job at the greatest pace, with the parts and the task given.
@@ -133,7 +133,7 @@ fn standing_job_with_an_end_that_gives_way_is_cancelled() {
 #[test]
 fn standing_job_waits_while_the_disk_is_nearly_full() {
     let test_plates = test_plates(endless());
-    let plates = ShutDownPlates(test_plates.open_with(None, |around| around.min_free_bytes = u64::MAX / 2));
+    let plates = ShutDownPlates(test_plates.open_with(None, |daemon| daemon.min_free_bytes = u64::MAX / 2));
     let plate = plates.get("one").unwrap();
     // other jobs still run
     let queued = test_plates.submit(plate, TWO_COINS, Pace::Max);
@@ -141,7 +141,7 @@ fn standing_job_waits_while_the_disk_is_nearly_full() {
     eventually_true("the standing job waits for room", || {
         let (state, why) = standing(plate);
         assert_eq!(state, StandingState::Waiting);
-        why.starts_with("the disk has only ")
+        why.starts_with("the disk has ")
     });
     assert_eq!(jobs(&test_plates).len(), 1);
 }

@@ -147,7 +147,7 @@ fn job_with_a_used_run_folder_is_not_run_again() {
 #[test]
 fn hung_controller_trips_the_watchdog() {
     let test_plates = TestPlates::new();
-    let plates = test_plates.open_with(Some("a test"), |around| around.watchdog.hung = Duration::from_millis(300));
+    let plates = test_plates.open_with(Some("a test"), |daemon| daemon.watchdog.hung = Duration::from_millis(300));
     let plate = plates.get("one").unwrap();
     let shared = plate;
     let job = test_plates.submit(plate, TWO_COINS, Pace::RealTime);

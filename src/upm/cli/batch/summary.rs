@@ -4,6 +4,7 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use crate::cli::summary::median;
 use upm_core::job::{CameraMode, Outcome, StopCause};
 use upm_recording::{Report, Verdict};
 
@@ -69,7 +70,7 @@ const SPEED_SHORT: &str = "speed_short_mm_s";
 
 /// Figures summarised over the completed runs: the key, the label and the decimals in the table. Smaller is better for
 /// each.
-pub(super) const FIGURES: [(&str, &str, usize); 7] = [
+const FIGURES: [(&str, &str, usize); 7] = [
     ("plate_time_s", "plate time (s)", 1),
     ("cycles", "cycles", 0),
     ("pulses", "pulses", 0),
@@ -97,9 +98,7 @@ impl FigureSpread {
         let &(best, best_seed) = values.first()?;
         let &(worst, _) = values.last()?;
         let worst_seed = values.iter().find(|(value, _)| *value == worst).map_or(best_seed, |&(_, seed)| seed);
-        let middle = values.len() / 2;
-        let upper = values.get(middle)?.0;
-        let median = if values.len().is_multiple_of(2) { 0.5 * (values.get(middle - 1)?.0 + upper) } else { upper };
+        let median = median(&values.iter().map(|(value, _)| *value).collect::<Vec<_>>())?;
         // reports have four decimals, so a mean of two has five
         Some(Self { median: (median * 1e5).round() / 1e5, best, best_seed, worst, worst_seed })
     }
@@ -162,12 +161,60 @@ fn values(runs: &[SeedRun], key: &str) -> Vec<(f64, u64)> {
     runs.iter().filter(|run| run.is_done()).filter_map(|run| Some((run.figure(key)?, run.seed))).collect()
 }
 
+/// Lines of the batch's table: counts, figures, and one line for each run that did not complete.
+pub(super) fn lines(summary: &BatchSummary) -> Vec<String> {
+    let mut lines = vec![headline(summary)];
+    lines.extend(figures(summary));
+    lines.extend(summary.runs.iter().filter(|run| !run.is_done()).map(failure));
+    lines
+}
+
+fn headline(summary: &BatchSummary) -> String {
+    let BatchSummary { name, rig, camera, seeds, completed, .. } = summary;
+    let others = [
+        (summary.failed, "failed"),
+        (summary.false_success, "completed only as measured"),
+        (summary.cancelled, "stopped"),
+        (summary.not_started, "not started"),
+    ];
+    let others = others.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!(", {count} {what}"));
+    let camera = if *camera == CameraMode::Positions { ", positions in place of pictures" } else { "" };
+    let seeds = if *seeds == 1 { "1 seed".to_owned() } else { format!("{seeds} seeds") };
+    format!("{name} on {rig}, {seeds}{camera}: {completed} completed{}", others.collect::<String>())
+}
+
+fn figures(summary: &BatchSummary) -> Vec<String> {
+    if summary.figures.is_empty() {
+        return Vec::new();
+    }
+    let heads = format!("  {:20} {:>9} {:>9}  {:12} {:>9}  {}", "of the completed", "median", "best", "", "worst", "");
+    let row = |&(key, name, decimals): &(&str, &str, usize)| {
+        let spread = summary.figures.get(key)?;
+        let shown = |value: f64| format!("{value:.decimals$}");
+        let [best, worst] = [spread.best, spread.worst].map(shown);
+        let median = if decimals == 0 { spread.median.to_string() } else { shown(spread.median) };
+        let [best_seed, worst_seed] = [spread.best_seed, spread.worst_seed].map(|seed| format!("seed {seed}"));
+        Some(format!("  {name:20} {median:>9} {best:>9}  {best_seed:12} {worst:>9}  {worst_seed}"))
+    };
+    std::iter::once(heads.trim_end().to_owned()).chain(FIGURES.iter().filter_map(row)).collect()
+}
+
+fn failure(run: &SeedRun) -> String {
+    let SeedRun { seed, reason, .. } = run;
+    match run.outcome {
+        Outcome::Completed => {
+            format!("  seed {seed} is a false success: the truth says that a part is not at its place")
+        }
+        outcome => format!("  seed {seed} {}: {reason}", outcome.code()),
+    }
+}
+
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
 
     /// Test data: a run as its report describes it.
-    pub fn run(seed: u64, outcome: Outcome, plate_time_s: f64) -> SeedRun {
+    fn run(seed: u64, outcome: Outcome, plate_time_s: f64) -> SeedRun {
         let max_error_mm = seed.is_multiple_of(2).then_some(0.1 * seed as f64);
         let figures = json!({
             "plate_time_s": plate_time_s, "cycles": 10 * seed, "pulses": 3, "max_error_mm": max_error_mm,
@@ -177,7 +224,7 @@ pub(super) mod tests {
         SeedRun { seed, outcome, verdict: None, code: None, reason, figures, folder: None, status }
     }
 
-    pub fn summary(runs: Vec<SeedRun>) -> BatchSummary {
+    fn summary(runs: Vec<SeedRun>) -> BatchSummary {
         BatchSummary::new(["ring", "upm-2"], CameraMode::Pixels, runs.len() + 1, 2.0, runs)
     }
 
@@ -209,5 +256,33 @@ pub(super) mod tests {
         assert_eq!(summary.figures["max_error_mm"].worst_seed, 4);
         assert!(!summary.figures.contains_key("cross_track_rms_mm"), "no run has one");
         assert_eq!(summary.status(), 1);
+    }
+
+    #[test]
+    fn table_has_counts_figures_and_a_line_for_each_failure() {
+        let mut believed = run(8, Outcome::Completed, 12.0);
+        believed.verdict = Some(Verdict::FalseSuccess);
+        let runs = vec![
+            run(2, Outcome::Completed, 30.04),
+            run(3, Outcome::Failed, 600.0),
+            run(4, Outcome::Completed, 20.0),
+            believed,
+        ];
+        assert_eq!(
+            lines(&summary(runs)),
+            [
+                "ring on upm-2, 5 seeds: 2 completed, 1 failed, 1 completed only as measured, 1 not started",
+                "  of the completed        median      best                   worst",
+                "  plate time (s)            25.0      20.0  seed 4            30.0  seed 2",
+                "  cycles                      30        20  seed 2              40  seed 4",
+                "  pulses                       3         3  seed 2               3  seed 2",
+                "  final error (mm)          0.30      0.20  seed 2            0.40  seed 4",
+                "  seed 3 failed: as seed 3 has it",
+                "  seed 8 is a false success: the truth says that a part is not at its place",
+            ]
+        );
+        let runs = vec![run(1, Outcome::Completed, 1.0)];
+        let alone = BatchSummary::new(["one", "upm-2"], CameraMode::Positions, 1, 2.0, runs);
+        assert_eq!(lines(&alone)[0], "one on upm-2, 1 seed, positions in place of pictures: 1 completed");
     }
 }

@@ -1,7 +1,9 @@
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
+
+use parking_lot::Mutex;
 
 use super::summary::SeedRun;
 use crate::cli::output::NOT_REACHED;
@@ -51,10 +53,6 @@ impl BatchProgress {
     }
 }
 
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl SeedBatch<'_> {
     /// Runs the seeds in turn on all cores. Returns the runs that were started, in the order of the seeds.
     pub fn run(&self) -> Vec<SeedRun> {
@@ -65,15 +63,15 @@ impl SeedBatch<'_> {
                 let index = next.fetch_add(1, Ordering::Relaxed);
                 let Some(&seed) = self.seeds.get(index) else { break };
                 let run = self.run_one(index, seed);
-                locked(&ended).push((index, run));
-                let mut progress = locked(&self.progress);
+                ended.lock().push((index, run));
+                let mut progress = self.progress.lock();
                 progress.ended += 1;
                 progress.show(index, 1.0);
             }
         };
         thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(take_turns))));
-        locked(&self.progress).shown.finish();
-        let mut runs = ended.into_inner().unwrap_or_else(PoisonError::into_inner);
+        self.progress.lock().shown.finish();
+        let mut runs = ended.into_inner();
         runs.sort_by_key(|(index, _)| *index);
         runs.into_iter().map(|(_, run)| run).collect()
     }
@@ -104,7 +102,7 @@ impl SeedBatch<'_> {
     }
 
     fn note(&self, seed: u64, level: EventLevel, text: &str) {
-        locked(&self.progress).shown.suspend(|| match level {
+        self.progress.lock().shown.suspend(|| match level {
             EventLevel::Info => tracing::debug!(seed, "{text}"),
             EventLevel::Warning => tracing::info!(seed, "{text}"),
             EventLevel::Error => tracing::warn!(seed, "{text}"),
@@ -128,7 +126,7 @@ impl Sink for BatchWatcher<'_> {
     }
 
     fn cycle(&mut self, facts: &CycleFacts) {
-        locked(&self.batch.progress).show(self.index, facts.wanted.progress);
+        self.batch.progress.lock().show(self.index, facts.wanted.progress);
     }
 
     fn event(&mut self, event: &EventFacts) {

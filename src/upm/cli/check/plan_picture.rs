@@ -1,35 +1,36 @@
 //! Picture of the plan of a job: bins, wanted paths and the predicted paths of its parts.
 
-use super::picture::at_mm;
+use super::coverage::at_mm;
 use super::plan::PlanReport;
 use upm_chart::{Chart, Color, Ground, Layer, Mark, Palette, bin_label, bin_outline};
 use upm_core::job::Bin;
 use upm_core::units::mm_from_m;
 use upm_runner::config::JobLayout;
-use upm_runner::run::PartForecast;
+use upm_runner::run::{Forecast, PartForecast};
 
 /// Extent of the picture, in half sides of the plate from its middle.
 const PLAN_REACH: f64 = 1.08;
 
 /// Chart of the plate from above: bins, wanted paths, starts, targets, and the predicted paths in the first dry run.
 /// A part has one colour, parts of one kind similar ones.
-pub(super) fn plan_chart(planned: &PlanReport) -> Chart {
-    let PlanReport { job, rig, forecast, layout, half_side_m, .. } = planned;
-    let half_side_mm = mm_from_m(*half_side_m);
+pub(super) fn plan_chart(planned: &PlanReport<'_>) -> Chart {
+    let PlanReport { job, forecast } = planned;
+    let (layout, rig) = (JobLayout::of(job), &job.rig.model);
+    let half_side_mm = 0.5 * mm_from_m(rig.plate_side_m);
     let kinds: Vec<&str> = layout.parts.iter().map(|part| part.kind.as_str()).collect();
     let palette = Palette::of(&kinds, Ground::Light);
     let color = |i: usize| palette.parts().get(i).map_or(Color::Gray, |&rgb| Color::Rgb(rgb));
     let mut layers = vec![Layer::plate(half_side_mm)];
-    layers.extend(bins(layout, &palette));
+    layers.extend(bins(&layout, &palette));
     let paths_m = forecast.dry_runs.first().map_or(&[][..], |dry_run| &dry_run.record.paths_m);
     let predicted = paths_m.iter().enumerate();
     layers.extend(predicted.map(|(i, path_m)| Layer::new("", Mark::Line, color(i), path_m.iter().copied().map(at_mm))));
-    layers.extend(paths(layout, &color));
+    layers.extend(paths(&layout, &color));
     layers.extend(forecast.parts.iter().enumerate().flat_map(|(i, part)| marks(part, color(i))));
     layers.push(names(&forecast.parts, &color));
-    layers.extend(legend(planned));
-    let title = format!("{job} on {rig}: {}", planned.verdict().text());
-    Chart::plate_map(format!("plan-{job}"), title, Some(PLAN_REACH * half_side_mm), layers)
+    layers.extend(legend(forecast, &layout));
+    let title = format!("{} on {}: {}", job.name, rig.name, planned.verdict().text());
+    Chart::plate_map(format!("plan-{}", job.name), title, Some(PLAN_REACH * half_side_mm), layers)
 }
 
 /// Rims of the bins, each in the colour of its kind.
@@ -67,7 +68,7 @@ fn names(parts: &[PartForecast], color: &impl Fn(usize) -> Color) -> Layer {
 }
 
 /// Entries of the legend for several layers together: the marks of all parts.
-fn legend(PlanReport { forecast, layout, .. }: &PlanReport) -> impl Iterator<Item = Layer> {
+fn legend(forecast: &Forecast, layout: &JobLayout) -> impl Iterator<Item = Layer> {
     let has_targets = forecast.parts.iter().any(|part| part.target.is_some());
     let entries = [
         ("predicted path", Mark::Line, true),

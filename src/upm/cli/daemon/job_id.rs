@@ -14,7 +14,7 @@ pub(super) fn job_id(client: &Client, text: &str) -> Result<String, Failure> {
     };
     if text == LAST {
         let newest = client.jobs(None, 1)?.jobs.into_iter().next();
-        return newest.map(|job| job.id).ok_or_else(|| wrong("no jobs"));
+        return newest.map(|job| job.id.to_string()).ok_or_else(|| wrong("no jobs"));
     }
     let is_hex = text.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
     if !is_hex || !(1..=DIGITS).contains(&text.len()) {
@@ -25,8 +25,8 @@ pub(super) fn job_id(client: &Client, text: &str) -> Result<String, Failure> {
     }
     let jobs = client.jobs(None, u32::MAX)?.jobs;
     let shown = |job: &Job| format!("{} ({}, {})", job.id, job.name, job.state.code());
-    match by_prefix(text, &jobs, |job| &job.id, shown) {
-        Ok(Some(job)) => Ok(job.id.clone()),
+    match by_prefix(text, &jobs, |job| job.id.to_string(), shown) {
+        Ok(Some(job)) => Ok(job.id.to_string()),
         Ok(None) => Err(wrong(&format!("{text:?}, which no job's id begins with"))),
         Err(several) => {
             Err(Failure::bad_input(format!("ID: expected more digits of one of {several}; found {text:?}")))

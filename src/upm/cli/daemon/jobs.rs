@@ -37,17 +37,20 @@ pub(super) fn show(args: &JobArgs, common: Common) -> Result<u8, Failure> {
     print(common.json, &job, || print_job(&job, common.verbose > 0))
 }
 
-pub(super) fn run_next(args: &JobArgs, common: Common) -> Result<u8, Failure> {
+/// The job that `args` name after an operation on it.
+fn after(operation: &str, args: &JobArgs) -> Result<Job, Failure> {
     let client = Client::new(&args.daemon)?;
     let path = job_path(&job_id(&client, &args.id)?);
-    let job: Job = client.post(&format!("{path}/run-next"), "", &[])?;
+    Ok(client.post(&format!("{path}/{operation}"), "", &[])?)
+}
+
+pub(super) fn run_next(args: &JobArgs, common: Common) -> Result<u8, Failure> {
+    let job = after("run-next", args)?;
     print(common.json, &job, || outln!("{}: runs next on plate {}", job.id, job.plate))
 }
 
 pub(super) fn cancel(args: &JobArgs, common: Common) -> Result<u8, Failure> {
-    let client = Client::new(&args.daemon)?;
-    let path = job_path(&job_id(&client, &args.id)?);
-    let job: Job = client.post(&format!("{path}/cancel"), "", &[])?;
+    let job = after("cancel", args)?;
     let state = if job.state == JobState::Running { "is being stopped" } else { job.state.code() };
     print(common.json, &job, || outln!("{}: {state}", job.id))
 }
@@ -69,7 +72,7 @@ pub(super) fn headline(job: &Job) -> String {
 }
 
 fn rows(job: &Job, verbose: bool) -> Vec<(&'static str, String)> {
-    let mut rows = vec![("id", job.id.clone()), ("submitted", seconds(&job.submitted_at))];
+    let mut rows = vec![("id", job.id.to_string()), ("submitted", seconds(&job.submitted_at))];
     rows.extend(job.started_at.as_deref().map(|at| ("started", seconds(at))));
     rows.extend(job.finished_at.as_deref().map(|at| ("finished", seconds(at))));
     if job.state == JobState::Running {

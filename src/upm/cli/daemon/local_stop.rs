@@ -9,7 +9,8 @@ use ureq::http::Uri;
 
 use super::client::url_of;
 use crate::cli::client_args::EstopArgs;
-use upm_server::daemon::{ESTOP_SOCKET, LocalStop, LocalStopRequest, stop_locally};
+use upm_server::api::EStopped;
+use upm_server::daemon::{ESTOP_SOCKET, LocalStopRequest, stop_locally};
 
 /// Data folder of the shipped unit.
 const UNIT_DATA: &str = "/var/lib/upm";
@@ -17,11 +18,14 @@ const UNIT_DATA: &str = "/var/lib/upm";
 const USUAL_CONFIG: &str = "configs/daemon.json";
 
 /// Stops the plates through the socket; `None` if no daemon was reached, in which case the caller uses HTTP.
-pub(super) fn stop(args: &EstopArgs) -> Option<Vec<LocalStop>> {
+pub(super) fn stop(args: &EstopArgs) -> Option<Vec<EStopped>> {
     let named = args.data.clone().or_else(|| Some(std::env::var_os("UPM_DATA")?.into()));
     let (folders, port) = match named {
         Some(folder) => (vec![folder], None),
-        None => (usual_folders(), Some(port_on_loopback(&url_of(&args.daemon))?)),
+        None => {
+            let folders = vec![PathBuf::from(UNIT_DATA), data_of(Path::new(USUAL_CONFIG))];
+            (folders, Some(port_on_loopback(&url_of(&args.daemon))?))
+        }
     };
     let request = LocalStopRequest { plates: args.plates.clone(), port };
     folders.iter().find_map(|data| match stop_locally(data, &request) {
@@ -30,18 +34,14 @@ pub(super) fn stop(args: &EstopArgs) -> Option<Vec<LocalStop>> {
             answer.error.is_none().then_some(answer.stops)
         }
         Err(error) => {
-            not_reached(data, error.kind(), port.is_none(), &error.to_string());
+            // a missing socket is reported only where it was asked for
+            let absent = [ErrorKind::NotFound, ErrorKind::PermissionDenied, ErrorKind::ConnectionRefused];
+            if port.is_none() || !absent.contains(&error.kind()) {
+                errln!("upm: {}: {error}; asking over HTTP", data.join(ESTOP_SOCKET).display());
+            }
             None
         }
     })
-}
-
-/// Reports a socket that was requested explicitly or that failed; a missing one is not reported.
-fn not_reached(data: &Path, kind: ErrorKind, asked_for: bool, error: &str) {
-    let absent = matches!(kind, ErrorKind::NotFound | ErrorKind::PermissionDenied | ErrorKind::ConnectionRefused);
-    if asked_for || !absent {
-        errln!("upm: {}: {error}; asking over HTTP", data.join(ESTOP_SOCKET).display());
-    }
 }
 
 /// Port of a daemon whose address is on this machine; distinguishes its socket from that of another daemon.
@@ -50,10 +50,6 @@ fn port_on_loopback(url: &str) -> Option<u16> {
     let host = uri.host()?.trim_matches(['[', ']']);
     let is_here = host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback());
     is_here.then(|| uri.port_u16().unwrap_or(80))
-}
-
-fn usual_folders() -> Vec<PathBuf> {
-    vec![PathBuf::from(UNIT_DATA), data_of(Path::new(USUAL_CONFIG))]
 }
 
 /// Data folder named in a daemon file; the rest of the file is not read.

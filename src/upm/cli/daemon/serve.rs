@@ -10,7 +10,8 @@ use crate::cli::check::{ValidFile, show};
 use crate::cli::output::{Failure, NOT_REACHED};
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
-use upm_server::daemon::{Daemon, EmergencyStops, ExitReport, StartFault, keep_files_private, prepare};
+use upm_server::api::EStopped;
+use upm_server::daemon::{Daemon, EmergencyStops, ExitReport, StartFault, StoreFault, keep_files_private, prepare};
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
@@ -92,22 +93,17 @@ fn sigusr1() -> SigSet {
 fn attend_sigusr1(stop: EmergencyStops) {
     let started = thread::Builder::new().name("signals".into()).spawn(move || {
         while sigusr1().wait().is_ok() {
-            stop_all_plates(&stop);
+            for EStopped { plate, silent, persisted, .. } in stop.stop_all("SIGUSR1") {
+                if silent && persisted {
+                    tracing::warn!(plate, "stopped by SIGUSR1: motors silent, on the disk");
+                } else {
+                    tracing::error!(plate, silent, persisted, "stopped by SIGUSR1, not whole yet");
+                }
+            }
         }
     });
     if let Err(error) = started {
         tracing::error!("SIGUSR1 will not stop the plates: {error}");
-    }
-}
-
-fn stop_all_plates(stop: &EmergencyStops) {
-    for stopped in stop.stop_all("SIGUSR1") {
-        let (silent, persisted) = stopped.answer.map_or((false, false), |answer| (answer.silent, answer.persisted));
-        if silent && persisted {
-            tracing::warn!(plate = stopped.plate, "stopped by SIGUSR1: motors silent, on the disk");
-        } else {
-            tracing::error!(plate = stopped.plate, silent, persisted, "stopped by SIGUSR1, not whole yet");
-        }
     }
 }
 
@@ -116,7 +112,7 @@ fn start_failure(fault: StartFault) -> Failure {
         StartFault::Listen(address, error) if error.kind() == ErrorKind::AddrInUse => {
             Failure::failed(format!("{address} is in use: is another daemon running? --listen takes another one"))
         }
-        StartFault::OtherStore(_) => Failure::bad_input(fault),
+        StartFault::Store(StoreFault::Other { .. }) => Failure::bad_input(fault),
         _ => Failure::failed(fault),
     }
 }

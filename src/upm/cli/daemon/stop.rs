@@ -7,10 +7,10 @@ use super::client::{Client, ClientRefusal, on_one_line, plate_path};
 use super::{jobs, local_stop};
 use crate::cli::args::Common;
 use crate::cli::client_args::{EstopArgs, PlateArgs, ResetArgs};
-use crate::cli::output::{BAD_INPUT, Failure, NOT_REACHED, print, print_json};
+use crate::cli::output::{Failure, NOT_REACHED, print, print_json};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_server::api::{EStopped, Plate, Plates, ResetRequest};
-use upm_server::daemon::{LocalStop, LocalStopAnswer};
+use upm_server::daemon::LocalStopAnswer;
 use upm_server::http::STOP_PATH;
 
 /// Attempts before a stop counts as failed.
@@ -36,16 +36,11 @@ pub(super) struct Stop {
     status: u8,
 }
 
-/// Transports of the request: the socket in the data folder, and HTTP.
-const SOCKET: &str = "socket";
-const HTTP: &str = "http";
-
 impl Stop {
     /// Result of a stop for which the daemon was asked once for all plates.
-    fn of_one_request(stop: LocalStop, via: &'static str, wall_s: f64) -> Self {
-        let LocalStop { plate, answer, error } = stop;
-        let status = answer.as_ref().map_or(BAD_INPUT, status_of);
-        Self { plate, answer, error, via, attempts: 1, wall_s, status }
+    fn of_one_request(answer: EStopped, via: &'static str, wall_s: f64) -> Self {
+        let (plate, status) = (answer.plate.clone(), status_of(&answer));
+        Self { plate, answer: Some(answer), error: None, via, attempts: 1, wall_s, status }
     }
 }
 
@@ -56,13 +51,17 @@ fn status_of(answer: &EStopped) -> u8 {
 
 pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
     let clock = MonotonicClock::new();
-    let local = local_stop::stop(args).map(|stops| (stops, SOCKET));
-    let stops = match local.or_else(|| Some((stop_at_listener(args)?, HTTP))) {
+    let local = local_stop::stop(args).map(|stops| (stops, "socket"));
+    let stops = match local.or_else(|| Some((stop_at_listener(args)?, "http"))) {
         Some((stops, via)) => {
             let wall_s = clock.elapsed().as_secs_f64();
             stops.into_iter().map(|stop| Stop::of_one_request(stop, via, wall_s)).collect()
         }
-        None => stop_over_http(args)?,
+        None => {
+            let client = Client::for_stop(&args.daemon)?;
+            let names = if args.plates.is_empty() { all_plates(&client)? } else { args.plates.clone() };
+            stop_all(&client, &names)
+        }
     };
     if common.json {
         print_json(&serde_json::json!({ "stops": stops }))?;
@@ -75,7 +74,7 @@ pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
 
 /// Stops every plate through the listener that does nothing else. `None` when plates are named, its address is not
 /// known or it does not answer; then the API is asked.
-fn stop_at_listener(args: &EstopArgs) -> Option<Vec<LocalStop>> {
+fn stop_at_listener(args: &EstopArgs) -> Option<Vec<EStopped>> {
     let url = args.stop_url.clone().or_else(|| std::env::var("UPM_STOP_URL").ok());
     let url = url.filter(|_| args.plates.is_empty())?;
     let listener = Client::for_stop(&args.daemon).and_then(|client| client.elsewhere(&url));
@@ -87,12 +86,6 @@ fn stop_at_listener(args: &EstopArgs) -> Option<Vec<LocalStop>> {
             None
         }
     }
-}
-
-fn stop_over_http(args: &EstopArgs) -> Result<Vec<Stop>, Failure> {
-    let client = Client::for_stop(&args.daemon)?;
-    let names = if args.plates.is_empty() { all_plates(&client)? } else { args.plates.clone() };
-    Ok(stop_all(&client, &names))
 }
 
 /// Names of all plates. If they cannot be read, the failure names other methods to stop.
@@ -130,7 +123,7 @@ fn stop_one(client: &Client, name: &str) -> Stop {
         Ok(answer) => (Some(answer), None),
         Err(failure) => (None, Some(failure.lines.join("; "))),
     };
-    Stop { plate: name.to_owned(), answer, error, via: HTTP, attempts, wall_s, status }
+    Stop { plate: name.to_owned(), answer, error, via: "http", attempts, wall_s, status }
 }
 
 /// Repeats a request that was refused for a reason that may pass. Every request opens a new connection.

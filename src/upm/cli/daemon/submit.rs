@@ -31,7 +31,7 @@ pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
         (true, false) => print_json(&queued)?,
         (false, _) => outln!("{}", queued.id)?,
     }
-    if args.watch { watch::follow(&client, &queued.id, Some(0), common) } else { Ok(0) }
+    if args.watch { watch::follow(&client, &queued.id.to_string(), Some(0), common) } else { Ok(0) }
 }
 
 /// Queues the job exactly once: if the answer is lost or does not come in time, the request is repeated under the same

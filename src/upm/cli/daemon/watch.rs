@@ -1,4 +1,3 @@
-mod events;
 mod follow;
 mod job_display;
 #[cfg(test)]
@@ -10,8 +9,8 @@ use super::jobs::plate_line;
 use crate::cli::args::Common;
 use crate::cli::client_args::JobArgs;
 use crate::cli::output::{Failure, INTERRUPTED, NOT_REACHED, reader_left};
-use follow::{StreamFollower, StreamItem};
-use job_display::{job_of, note, show, show_end};
+use follow::{StreamFollower, StreamItem, job_of};
+use job_display::{note, show, show_end};
 use upm_server::api::{Job, Plates};
 use upm_server::states::JobState;
 

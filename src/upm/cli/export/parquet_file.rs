@@ -88,5 +88,5 @@ fn schema(table: &Table) -> Result<TypePtr, ParquetError> {
         field.with_logical_type(logical).build().map(Arc::new)
     };
     let fields = table.columns.iter().map(field).collect::<Result<_, _>>()?;
-    Type::group_type_builder(table.name).with_fields(fields).build().map(Arc::new)
+    Type::group_type_builder(&table.name).with_fields(fields).build().map(Arc::new)
 }

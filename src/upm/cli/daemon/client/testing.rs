@@ -5,9 +5,8 @@ use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
-use upm_core::job::Pace;
-use upm_server::api::{EStopped, Job};
-use upm_server::states::{JobState, RecordingStatus};
+use upm_server::api::{EStopped, Job, JobId};
+use upm_server::states::JobState;
 
 /// Response to one connection.
 #[derive(Clone, Debug)]
@@ -118,7 +117,7 @@ pub fn json(status: u16, value: &impl serde::Serialize) -> Canned {
 /// Problem document as an HTTP response.
 pub fn problem(status: u16, detail: &str, headers: &str, faults: &serde_json::Value) -> Canned {
     let document = serde_json::json!({
-        "type": "urn:upm:problem:x", "title": "Title", "status": status, "detail": detail, "faults": faults,
+        "title": "Title", "status": status, "detail": detail, "faults": faults,
     });
     answer(status, "application/problem+json", headers, &document.to_string())
 }
@@ -135,23 +134,9 @@ pub const JOB: &str = "019a0000000070008000000000000001";
 
 /// Test job in this state.
 pub fn job(state: JobState) -> Job {
-    Job {
-        id: JOB.to_owned(),
-        name: "rest".to_owned(),
-        state,
-        plate: "left".to_owned(),
-        submitted_at: "2026-11-22T05:14:00.123456Z".to_owned(),
-        started_at: None,
-        finished_at: None,
-        progress: 0.25,
-        report: None,
-        reason: String::new(),
-        seed: 1,
-        pace: Pace::RealTime,
-        recording: RecordingStatus::None,
-        standing: false,
-        turn: 0,
-    }
+    let (name, plate) = ("rest".to_owned(), "left".to_owned());
+    let submitted_at = "2026-11-22T05:14:00.123456Z".to_owned();
+    Job { id: JobId::parse(JOB).unwrap(), name, state, plate, submitted_at, progress: 0.25, seed: 1, ..Job::default() }
 }
 
 /// Response to an emergency stop of this plate.

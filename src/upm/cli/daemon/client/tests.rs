@@ -6,7 +6,7 @@ use super::testing::{Canned, FakeServer, JOB, answer, job, json as said, problem
 use super::{Client, ClientRefusal, bearer_of, job_path, plate_path};
 use crate::cli::daemon::stop::stop_all;
 use crate::cli::daemon::submit::queue;
-use upm_server::api::{Job, JobsPage};
+use upm_server::api::{Job, JobId, JobsPage};
 use upm_server::states::JobState;
 
 fn refused(server: &FakeServer) -> ClientRefusal {
@@ -111,7 +111,7 @@ fn a_lost_answer_is_asked_for_once_more_under_the_same_key() {
     for lost in [Canned::Hangup, Canned::Bytes(half.to_owned())] {
         let server = FakeServer::saying(vec![lost.clone(), said(201, &job(JobState::Queued))]);
         let client = Client::at(&server.url).unwrap();
-        assert_eq!(queue(&client, "{\"name\": 1}", None, "k-1").unwrap().id, JOB);
+        assert_eq!(queue(&client, "{\"name\": 1}", None, "k-1").unwrap().id.to_string(), JOB);
         let asked = server.asked();
         assert_eq!(asked.len(), 2);
         for request in &asked {
@@ -140,9 +140,12 @@ fn jobs_are_listed_page_by_page() {
         let after = |name: &str| asked.line.split_once(name).map(|(_, rest)| rest.split(['&', ' ']).next().unwrap());
         let limit: usize = after("limit=").unwrap().parse().unwrap();
         let from = after("cursor=").map_or(0, |cursor| all.iter().position(|id| id == cursor).unwrap() + 1);
-        let jobs: Vec<Job> =
-            all[from..].iter().take(limit).map(|id| Job { id: id.clone(), ..job(JobState::Failed) }).collect();
-        let next = (from + limit < all.len()).then(|| jobs.last().unwrap().id.clone());
+        let jobs: Vec<Job> = all[from..]
+            .iter()
+            .take(limit)
+            .map(|id| Job { id: JobId::parse(id).unwrap(), ..job(JobState::Failed) })
+            .collect();
+        let next = (from + limit < all.len()).then(|| jobs.last().unwrap().id.to_string());
         said(200, &JobsPage { jobs, next })
     });
     let client = Client::at(&server.url).unwrap();
@@ -150,10 +153,7 @@ fn jobs_are_listed_page_by_page() {
         [(1, 1, true), (200, 200, true), (201, 201, true), (450, 450, false), (u32::MAX, 450, false)]
     {
         let page = client.jobs(Some("failed"), most).unwrap();
-        assert_eq!(
-            page.jobs.iter().map(|job| &job.id).collect::<Vec<_>>(),
-            ids.iter().take(expected).collect::<Vec<_>>()
-        );
+        assert_eq!(page.jobs.iter().map(|job| job.id.to_string()).collect::<Vec<_>>(), ids[..expected]);
         assert_eq!(page.next.is_some(), more, "{most}");
     }
     assert!(server.asked().iter().all(|asked| asked.line.contains("state=failed")));

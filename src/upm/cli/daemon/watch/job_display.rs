@@ -1,12 +1,11 @@
-use serde::Deserialize;
 use serde_json::json;
 
-use super::events::ReceivedEvent;
+use super::follow::{ReceivedEvent, job_of};
 use crate::cli::args::Common;
 use crate::cli::daemon::client::on_one_line;
 use crate::cli::daemon::jobs::{headline, print_job};
 use crate::cli::output::Failure;
-use upm_server::api::{JOB_EVENT, Job};
+use upm_server::api::Job;
 
 /// Shows an event: as a JSON object, as a line, or not at all with `--quiet`.
 pub(super) fn show(event: &ReceivedEvent, common: Common) -> Result<(), Failure> {
@@ -56,9 +55,4 @@ pub(super) fn line_of(event: &ReceivedEvent) -> Option<String> {
         _ => return None,
     };
     Some(on_one_line(&line))
-}
-
-/// The job in an event that has one.
-pub(super) fn job_of(event: &ReceivedEvent) -> Option<Job> {
-    Some(event).filter(|event| event.kind == JOB_EVENT).and_then(|event| Job::deserialize(&event.data).ok())
 }

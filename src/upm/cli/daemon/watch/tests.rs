@@ -1,7 +1,6 @@
 use serde_json::{Value, json};
 
-use super::events::{EventReader, ReceivedEvent};
-use super::follow::{StreamFollower, StreamItem};
+use super::follow::{EventReader, ReceivedEvent, StreamFollower, StreamItem};
 use super::job_display::line_of;
 use crate::cli::daemon::client::testing::{Canned, FakeServer, JOB, events, job, problem};
 use crate::cli::daemon::client::{Client, ClientRefusal};

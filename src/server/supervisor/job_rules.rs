@@ -1,12 +1,57 @@
 use std::io;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use parking_lot::Mutex;
 
-use super::validate::JobRules;
 use crate::states::{StandingJob, StandingState};
-use crate::store::{NewJob, Pace};
-use upm_runner::config::StandingSpec;
+use crate::store::{Job, JobRow, JobWithSpec, Pace};
+use upm_planning::cor_library::Library;
+use upm_runner::config::{Diagnostic, JobSpec, Origin, Path, RigSpec, StandingSpec};
+use upm_runner::run::check_places;
+
+/// Name of a submitted job in faults, in place of a file name.
+const REQUEST: &str = "job";
+
+/// Rules that jobs of a plate are checked against before they are queued.
+#[derive(Debug)]
+pub(crate) struct JobRules {
+    pub plate: String,
+    pub rig: RigSpec,
+    /// The library of the plate. It was checked against the rig when the plate was set up.
+    pub library: Arc<Library>,
+    /// True when jobs may make the simulated rig fail on purpose.
+    pub allow_faults: bool,
+}
+
+impl JobRules {
+    /// A submitted job, checked completely: its text and whether its parts fit on the plate.
+    pub fn validated(&self, text: &str, pace: Pace) -> Result<JobWithSpec, Vec<Diagnostic>> {
+        let spec = self.checked(text)?;
+        let (name, plate) = (spec.name.clone(), self.plate.clone());
+        let job = Job { name, plate, seed: spec.seed(), pace, ..Job::default() };
+        let row = JobRow { job, rig_fingerprint: self.rig.fingerprint.clone(), ..JobRow::default() };
+        Ok(JobWithSpec { row, spec_json: spec.effective_without_rig().to_string() })
+    }
+
+    /// The job in `text`, if it may be queued.
+    pub fn checked(&self, text: &str) -> Result<JobSpec, Vec<Diagnostic>> {
+        let job = JobSpec::from_json(text, &Origin::of_request(REQUEST), Some(&self.rig))?;
+        let refused = |key: &str, found: String, allowed: String| {
+            Err(vec![Diagnostic::new(REQUEST, Path::root().key(key), found, allowed)])
+        };
+        if job.names_library() {
+            return refused("library", "a library".into(), format!("nothing (plate {} has its library)", self.plate));
+        }
+        if !self.allow_faults && !job.faults.is_empty() {
+            let count = job.faults.len();
+            let found = format!("{count} fault{}", if count == 1 { "" } else { "s" });
+            return refused("faults", found, "none (unless the daemon's file says \"allow_faults\": true)".into());
+        }
+        check_places(&job).map_err(|fault| vec![fault])?;
+        Ok(job)
+    }
+}
 
 /// Reason of a waiting standing job that is configured with `"start": "paused"`.
 const STARTS_PAUSED: &str = "it starts paused, as the configuration says";
@@ -14,7 +59,7 @@ const STARTS_PAUSED: &str = "it starts paused, as the configuration says";
 /// The standing job of a plate: runs whenever the plate's queue is empty, and gives way to every queued job.
 #[derive(Debug)]
 pub(super) struct Standing {
-    pub job: NewJob,
+    pub job: JobWithSpec,
     /// Set when a job is queued: the standing run then ends between two cycles.
     pub give_way: AtomicBool,
     /// Reason of its pause; `None` when it is not paused.
@@ -64,6 +109,6 @@ impl Standing {
             (false, Some(why)) => (StandingState::Paused, Some(why)),
             (false, None) => (StandingState::Waiting, self.held.lock().clone()),
         };
-        StandingJob { name: self.job.name.clone(), state, why: why.unwrap_or_default() }
+        StandingJob { name: self.job.row.name.clone(), state, why: why.unwrap_or_default() }
     }
 }
