@@ -60,7 +60,7 @@ fn missing_command_names_the_feature_it_needs() {
 fn every_build_runs_a_job_and_verifies_it() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().display().to_string();
-    let (status, stdout, stderr) = upm(&["run", "configs/plus-sign.json", "--out", &out, "--quiet"]);
+    let (status, stdout, stderr) = upm(&["run", "configs/arrange-2.json", "--out", &out, "--quiet"]);
     assert_eq!(status, 0, "{stdout}{stderr}");
     let run: PathBuf = fs::read_dir(Path::new(&out)).unwrap().next().unwrap().unwrap().path();
     for file in ["effective.json", "journal.jsonl", "report.json"] {

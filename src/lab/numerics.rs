@@ -44,7 +44,9 @@ pub(super) fn complete_elliptic(m: f64) -> [f64; 2] {
 pub(super) fn elliptic_f(amplitude_rad: f64, m: f64) -> f64 {
     let (mut a, mut b, mut angle_rad, mut scale) = (1.0, (1.0 - m).sqrt(), amplitude_rad, 1.0);
     while a - b > f64::EPSILON * a {
-        angle_rad += (b / a * angle_rad.tan()).atan() + PI * (angle_rad / PI).round();
+        let tan = angle_rad.tan();
+        let half_turns = ((angle_rad - tan.atan()) / PI).round();
+        angle_rad += (b / a * tan).atan() + PI * half_turns;
         (a, b, scale) = (0.5 * (a + b), (a * b).sqrt(), 2.0 * scale);
     }
     angle_rad / (scale * a)

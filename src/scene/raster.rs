@@ -1,13 +1,13 @@
-//! Gray level of every pixel by the area of it that each surface covers. Squares of pixels are split until no outline
+//! Gray level of every pixel by the area of it that each surface covers. Squares of pixels are halved until no outline
 //! crosses them; for single pixels crossed by one, the covered area is computed.
 
 use super::layers::{Paint, PaintLayer};
 use super::{Scene, SceneDisc};
 use upm_core::geometry::{Homography, Lens, Vec2};
 
-/// Side of the initial squares, px, and number of parts along each side into which a square is split.
+/// Side of the initial squares, and of those that are evaluated pixel by pixel, px.
 const LARGEST: usize = 64;
-const SPLIT: usize = 8;
+const SMALLEST: usize = 8;
 /// Lines across a pixel along which one outline is intersected, and points a side where several outlines meet.
 const LINES: u32 = 12;
 const POINTS: u32 = 16;
@@ -26,16 +26,26 @@ impl Scene {
             levels: vec![0.0; width * height],
         };
         let all: Vec<usize> = (0..layers.len()).collect();
-        for (x, y) in tiles([0, 0], self.size_px, LARGEST) {
-            raster.square([x, y], LARGEST, &all, None);
+        for y in (0..height).step_by(LARGEST) {
+            for x in (0..width).step_by(LARGEST) {
+                let (right, below) = (x + LARGEST, y + LARGEST);
+                let corners = [(x, y), (right, y), (x, below), (right, below)].map(|(x, y)| raster.place(x, y));
+                raster.square(PixelSquare { at: [x, y], side: LARGEST, corners }, &all, None);
+            }
         }
         raster.levels
     }
 }
 
-/// First columns and rows of the squares of this side in a rectangle of pixels that begins at `from`.
-fn tiles([x, y]: [usize; 2], [width, height]: [usize; 2], side: usize) -> impl Iterator<Item = (usize, usize)> {
-    (y..y + height).step_by(side).flat_map(move |y| (x..x + width).step_by(side).map(move |x| (x, y)))
+/// Region of the picture that is filled at once or split into quarters.
+#[derive(Clone, Copy)]
+struct PixelSquare {
+    /// Its first column and row.
+    at: [usize; 2],
+    /// Pixels along each side.
+    side: usize,
+    /// Table coordinates of its corners, m: top left, top right, bottom left, bottom right.
+    corners: [Vec2; 4],
 }
 
 struct CoverageRaster<'a> {
@@ -57,13 +67,13 @@ impl CoverageRaster<'_> {
 
     /// Paints a square of pixels. `crossing` are the layers, in order, whose outline may cross it, `behind` is the
     /// layer that covers it behind those.
-    fn square(&mut self, [x, y]: [usize; 2], side: usize, crossing: &[usize], behind: Option<usize>) {
+    fn square(&mut self, square: PixelSquare, crossing: &[usize], behind: Option<usize>) {
+        let PixelSquare { at: [x, y], side, corners } = square;
         if x >= self.size[0] || y >= self.size[1] {
             return;
         }
-        // top left, top right, bottom left, bottom right
-        let corners = [(x, y), (x + side, y), (x, y + side), (x + side, y + side)].map(|(x, y)| self.place(x, y));
-        let (middle, reach) = middle_and_reach(corners);
+        let middle = corners.iter().sum::<Vec2>() / 4.0;
+        let reach = 1.05 * corners.iter().map(|corner| (corner - middle).norm()).fold(0.0, f64::max);
         let (mut behind, mut left) = (behind, Vec::new());
         for &layer in crossing {
             let depth = self.layers[layer].shape.depth(middle);
@@ -75,15 +85,28 @@ impl CoverageRaster<'_> {
             }
         }
         let flat = self.paint(behind).is_flat_near(middle, reach);
-        if side > 1 && !(left.is_empty() && (flat || side <= SPLIT)) {
-            for (x, y) in tiles([x, y], [side; 2], side / SPLIT) {
-                self.square([x, y], side / SPLIT, &left, behind);
+        if side > 1 && !(left.is_empty() && (flat || side <= SMALLEST)) {
+            for quarter in self.quarters(square) {
+                self.square(quarter, &left, behind);
             }
         } else if left.is_empty() {
-            self.fill([x, y], side, corners, behind, flat);
+            self.fill(square, behind, flat);
         } else {
-            self.levels[y * self.size[0] + x] = self.crossed_pixel(corners, &left, behind) as f32;
+            self.levels[y * self.size[0] + x] = self.crossed_pixel(corners, middle, reach, &left, behind) as f32;
         }
+    }
+
+    fn quarters(&self, PixelSquare { at: [x, y], side, corners: [a, b, c, d] }: PixelSquare) -> [PixelSquare; 4] {
+        let half = side / 2;
+        let [top, left, middle, right, bottom] =
+            [(half, 0), (0, half), (half, half), (side, half), (half, side)].map(|(dx, dy)| self.place(x + dx, y + dy));
+        let quarter = |dx: usize, dy: usize, corners| PixelSquare { at: [x + dx, y + dy], side: half, corners };
+        [
+            quarter(0, 0, [a, top, left, middle]),
+            quarter(half, 0, [top, b, middle, right]),
+            quarter(0, half, [left, middle, c, bottom]),
+            quarter(half, half, [middle, right, bottom, d]),
+        ]
     }
 
     fn paint(&self, layer: Option<usize>) -> &Paint<'_> {
@@ -91,17 +114,28 @@ impl CoverageRaster<'_> {
     }
 
     /// Paints a square that one surface covers; inside it pixels are evenly spaced on the plate.
-    fn fill(&mut self, [x, y]: [usize; 2], side: usize, corners: [Vec2; 4], layer: Option<usize>, flat: bool) {
-        let ([width, height], n) = (self.size, side as f64);
-        for (column, row) in tiles([x, y], [side; 2], 1).filter(|&(column, row)| column < width && row < height) {
-            let paint = self.paint(layer);
-            let at = |u: f64, v: f64| within(corners, ((column - x) as f64 + u) / n, ((row - y) as f64 + v) / n);
-            self.levels[row * width + column] = if flat { paint.level } else { mean_level(paint, at) } as f32;
+    fn fill(&mut self, PixelSquare { at: [x, y], side, corners }: PixelSquare, layer: Option<usize>, flat: bool) {
+        let [width, height] = self.size;
+        for row in y..(y + side).min(height) {
+            for column in x..(x + side).min(width) {
+                let paint = self.paint(layer);
+                let at = |u: f64, v: f64| {
+                    let n = side as f64;
+                    within(corners, ((column - x) as f64 + u) / n, ((row - y) as f64 + v) / n)
+                };
+                self.levels[row * width + column] = if flat { paint.level } else { mean_level(paint, at) } as f32;
+            }
         }
     }
 
-    fn crossed_pixel(&self, corners: [Vec2; 4], crossing: &[usize], behind: Option<usize>) -> f64 {
-        let (middle, reach) = middle_and_reach(corners);
+    fn crossed_pixel(
+        &self,
+        corners: [Vec2; 4],
+        middle: Vec2,
+        reach: f64,
+        crossing: &[usize],
+        behind: Option<usize>,
+    ) -> f64 {
         let back = self.paint(behind).level_at(middle);
         if let &[layer] = crossing
             && !self.layers[layer].shape.has_corner_near(middle, reach)
@@ -124,12 +158,6 @@ impl CoverageRaster<'_> {
             .sum();
         sum / m
     }
-}
-
-/// Middle of a square with these corners, and a distance from it that reaches beyond them, m.
-fn middle_and_reach(corners: [Vec2; 4]) -> (Vec2, f64) {
-    let middle = corners.iter().sum::<Vec2>() / 4.0;
-    (middle, 1.05 * corners.iter().map(|corner| (corner - middle).norm()).fold(0.0, f64::max))
 }
 
 /// Mean over a pixel by four-point Gauss quadrature; `at` maps positions in the pixel, 0 to 1, to the plate.

@@ -7,21 +7,21 @@ use super::rules::Source;
 /// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
 /// capability is worth it, and lowered when its crate shrinks.
 const CEILINGS: [(&str, usize); 15] = [
-    ("chart", 870),
+    ("chart", 790),
     ("control", 4280),
-    ("core", 2400),
+    ("core", 2390),
     ("fixtures", 370),
-    ("lab", 6345),
+    ("lab", 6360),
     ("perception", 5080),
-    ("planning", 6580),
+    ("planning", 6590),
     ("qp", 90),
-    ("recording", 1350),
-    ("runner", 5130),
-    ("scene", 920),
-    ("server", 4635),
-    ("sim", 3490),
-    ("upm", 4943),
-    ("viewer", 1465),
+    ("recording", 1360),
+    ("runner", 5140),
+    ("scene", 890),
+    ("server", 4630),
+    ("sim", 3410),
+    ("upm", 4950),
+    ("viewer", 1480),
 ];
 
 /// Room above a crate's present lines, at most: a tenth, and what a small crate needs for one function.

@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn a_plan_to_sort_shows_the_bins_and_each_part_in_its_own_colour() {
-        let chart = chart("sort-8.json");
+        let chart = chart("sort-8-fields.json");
         for kind in ["penny", "quarter"] {
             let bin = named(&chart, &format!("bin: {kind}"));
             assert_eq!((bin.points.len(), &bin.mark), (5, &Mark::Line));
