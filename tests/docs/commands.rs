@@ -4,6 +4,8 @@
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::Command;
+use std::sync::Mutex;
+use std::thread;
 
 use tempfile::TempDir;
 
@@ -67,8 +69,15 @@ fn faults_of(page: &Page) -> Option<String> {
 }
 
 #[track_caller]
-fn assert_runs(pages: impl Iterator<Item = Page>) {
-    let faults: Vec<String> = pages.filter_map(|page| faults_of(&page)).collect();
+fn assert_runs(pages: impl Iterator<Item = Page> + Send) {
+    // each page has a folder and a port of its own
+    let pages = Mutex::new(pages);
+    let next = || pages.lock().unwrap().next();
+    let work = || std::iter::from_fn(next).filter_map(|page| faults_of(&page)).collect::<Vec<_>>();
+    let faults = thread::scope(|scope| {
+        let threads = [(); 2].map(|()| scope.spawn(work));
+        threads.map(|thread| thread.join().unwrap()).concat()
+    });
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 

@@ -79,12 +79,14 @@ impl Outline {
     fn rim_contacts(&self, middle_m: Vector3<f64>, half: Vector3<f64>, pose: &Isometry3<f64>) -> [Option<Contact>; 2] {
         let end = |y: f64| pose.inverse_transform_point(&Point3::from(middle_m + Vector3::y() * y)).coords;
         let (from, to) = (end(-self.half_m[1]), end(self.half_m[1]));
+        if from.z.min(to.z) > half.z || from.z.max(to.z) < -half.z - self.rim_m {
+            return [None; 2];
+        }
         let along = to - from;
         let [first, last] = [-half.y, half.y].map(|y| ((y - from.y) / along.y).clamp(0.0, 1.0));
-        let is_beneath = from.z.min(to.z) <= half.z && from.z.max(to.z) >= -half.z - self.rim_m && first != last;
         [first, last].map(|share| {
             let point = from + along * share;
-            let (outward, distance_m) = touched(&point, &half, self.rim_m).filter(|_| is_beneath)?;
+            let (outward, distance_m) = touched(&point, &half, self.rim_m).filter(|_| first != last)?;
             let normal = -(pose.rotation * outward);
             let point_m = pose.transform_point(&Point3::from(point)).coords + normal * self.rim_m;
             Some(Contact { point_m, normal, depth_m: self.rim_m - distance_m })

@@ -257,8 +257,8 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "long: `cargo test -- --ignored` runs it"]
-    fn classes_of_the_figures_hold_for_other_seeds() {
+    #[ignore = "campaign: `cargo test -p upm-lab -- --ignored campaign_of` runs it"]
+    fn campaign_of_seeds_gives_the_same_classes_of_figures() {
         let classes = |seed| {
             let outcome = reproduce(&LabRig { seed, ..lab_rig("upm-1") }, &|_| ()).unwrap();
             assert_sources_are_short(&outcome);
