@@ -2,6 +2,7 @@
 """The fault campaign: runs with faults that begin inside them, judged by what truly happened.
 
 usage: faults.py campaign  [--seeds 200] [--first 0] [--hours H] [--half safety|liveness|both] [--keep DIR] [--no-shrink]
+       faults.py healthy   [--seeds 200] [--first 0] [--hours H] [--keep DIR]
        faults.py schedules [--jobs-per 3] [--seeds 2] [--only WORD ...]
        faults.py daemon    [--jobs-per 3] [--seeds 1] [--only WORD ...] [--no-estops]
        faults.py shrink SEED [--half H] [--keep DIR]
@@ -13,6 +14,8 @@ options of all that run: [--upm target/debug/upm] [--jobs CORES]
 campaign   draws job and schedule by seed, runs each in a process of its own on all cores and judges it by the rules
            O1 to O10 (tools/faults/oracle.py). Prints violations with the smallest command that still fails, outcomes and
            guards by kind, needless stops and the rate of violations with its 95 % bound.
+healthy    drawn jobs without faults (any task, 2 to 30 parts, both rigs and planners, every tenth job the letters): no finding
+           may end or slow one.
 schedules  the 55 schedules with a name, against the bars by which their faults have to be noticed.
 daemon     the same schedules as jobs of one daemon (a build with the feature `daemon`), each with a job queued behind it: a
            plate pauses with a cause and a remedy exactly where a person has to look (O7), the next job completes after
@@ -41,6 +44,12 @@ def run_campaign(args):
     found = campaign.Campaign(Runner(args.upm), args)
     wall_s = found.run()
     return campaign.report(found.verdicts, wall_s, found.runner, args)
+
+
+def run_healthy(args):
+    healthy = campaign.Campaign(Runner(args.upm), args, campaign.healthy_case)
+    wall_s = healthy.run()
+    return campaign.report_healthy(healthy.verdicts, wall_s)
 
 
 def run_schedules(args):
@@ -118,6 +127,9 @@ def arguments():
     command.add_argument("--seeds", type=int, default=200)
     command.add_argument("--hours", type=float, help="as many seeds as go into so many hours")
     command.add_argument("--no-shrink", action="store_true")
+    command = add("healthy", run_healthy, running, drawing)
+    command.add_argument("--seeds", type=int, default=200)
+    command.add_argument("--hours", type=float, help="as many seeds as go into so many hours")
     named = argparse.ArgumentParser(add_help=False)
     named.add_argument("--jobs-per", type=int, default=3, choices=range(1, len(schedules.JOBS) + 1))
     named.add_argument("--only", nargs="+", metavar="WORD", help="schedules with one of these in their names")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from common import table, upper_bound
 
-from . import detection, jobs, oracle, vocabulary
+from . import detection, drawn, jobs, oracle, vocabulary
 from .shrink import shrunk
 
 VERIFY_EVERY, NEXT_JOB_EVERY, TELL_EVERY_S = 100, 5, 5.0
@@ -51,6 +51,12 @@ def case_of(seed, half="both"):
     is_liveness = rng.random() < 0.5 if half == "both" else half == "liveness"
     made = jobs.make(rng, seed=seed)
     return Case(seed, made, vocabulary.drawn(rng, made.parts, is_liveness, made.end_s), is_liveness)
+
+
+def healthy_case(seed, _):
+    """A drawn job without faults; every tenth is the letters."""
+    made = drawn.letters(seed) if seed % 10 == 0 else drawn.make(random.Random(seed), seed)
+    return Case(seed, made, [], False)
 
 
 def judged(runner, case, folder):
@@ -102,6 +108,7 @@ class Campaign:
 
     runner: object
     options: argparse.Namespace
+    draw: object = case_of
     verdicts: list = field(default_factory=list)
 
     def run(self):
@@ -147,7 +154,7 @@ class Campaign:
             seed += 1
 
     def one(self, seed, folder):
-        case = case_of(seed, self.options.half)
+        case = self.draw(seed, self.options.half)
         verdict = judged(self.runner, case, folder)
         if self.options.sound:
             verdict.violations += verdict.missed
@@ -188,6 +195,22 @@ def report(verdicts, wall_s, runner, options):
     bound = upper_bound(len(bad), count)
     print(f"\n{len(bad)} of {count} runs violate a rule; rate at most {bound:.1e} (95 %). O7 needs a daemon: `faults.py daemon`.")
     return not bad and not refused
+
+
+def report_healthy(verdicts, wall_s):
+    """Prints how healthy runs ended; true when no finding ended or slowed one and no rule was broken."""
+    rows = []
+    for kind in sorted({(v.case.made.template, v.case.made.planner) for v in verdicts}):
+        of = [v for v in verdicts if (v.case.made.template, v.case.made.planner) == kind]
+        ends = collections.Counter(v.stop or v.outcome for v in of if v.outcome != "completed")
+        told = collections.Counter(code for v in of for code in v.guards)
+        rows.append([*kind, len(of), sum(v.outcome == "completed" for v in of), in_words(told), in_words(ends)])
+    print("\n".join(table(["job", "planner", "runs", "completed", "findings", "other ends"], rows)))
+    bad = [v for v in verdicts if v.guards or v.violations or v.outcome == "refused"]
+    for v in bad:
+        print(f"  seed {v.case.seed}  {v.case.made.template}, {v.case.made.parts} parts, {v.case.made.planner}: {v.told}")
+    print(f"\n{len(bad)} of {len(verdicts)} healthy runs in {wall_s:.0f} s; rate at most {upper_bound(len(bad), len(verdicts)):.1e} (95 %)")
+    return not bad
 
 
 def print_violations(bad, runner, options):
