@@ -113,8 +113,7 @@ def arguments():
     running.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     running.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at once")
     drawing = argparse.ArgumentParser(add_help=False)
-    drawing.set_defaults(hours=None, no_shrink=False, sound=None)
-    drawing.add_argument("--half", choices=("safety", "liveness", "both"), default="both", help="faults that stay, that end, either")
+    drawing.set_defaults(hours=None, no_shrink=False, sound=None, half="both")
     drawing.add_argument("--first", type=int, default=0, help="the first seed")
     drawing.add_argument("--keep", type=pathlib.Path, help="where folders of failing runs and shrunk jobs are kept")
 
@@ -123,7 +122,9 @@ def arguments():
         command.set_defaults(does=does)
         return command
 
-    command = add("campaign", run_campaign, running, drawing)
+    halves = argparse.ArgumentParser(add_help=False)
+    halves.add_argument("--half", choices=("safety", "liveness", "both"), help="faults that stay, that end, either")
+    command = add("campaign", run_campaign, running, drawing, halves)
     command.add_argument("--seeds", type=int, default=200)
     command.add_argument("--hours", type=float, help="as many seeds as go into so many hours")
     command.add_argument("--no-shrink", action="store_true")
@@ -137,9 +138,9 @@ def arguments():
     command = add("daemon", run_daemon, running, named)
     command.add_argument("--seeds", type=int, default=1)
     command.add_argument("--no-estops", action="store_true", help="no emergency stops")
-    add("shrink", run_shrink, running, drawing).add_argument("seed", type=int)
+    add("shrink", run_shrink, running, drawing, halves).add_argument("seed", type=int)
     add("judge", run_judge).add_argument("folders", nargs="+", metavar="RUN_FOLDER")
-    command = add("mutants", run_mutants, running, drawing)
+    command = add("mutants", run_mutants, running, drawing, halves)
     command.add_argument("--guards", required=True, help="names, with commas between")
     command.add_argument("--seeds", type=int, default=1000)
     add("selftest", run_selftest)

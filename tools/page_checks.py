@@ -16,10 +16,10 @@ class Checks:
         self.bad += not holds
         print(f"{'ok  ' if holds else 'FAIL'} {what}{f' ({found})' if found != '' else ''}", flush=True)
 
-    def soon(self, what, ask, within_s=5.0):
-        """Asks until the answer is true, on a busy machine longer than `within_s`; says how long that took."""
+    def soon(self, what, ask, within_s=5.0, busy=BUSY):
+        """Asks until the answer is true, a busy machine `busy` times as long as `within_s`; says how long that took."""
         began = time.monotonic()
-        while not (holds := bool(ask())) and time.monotonic() - began < BUSY * within_s:
+        while not (holds := bool(ask())) and time.monotonic() - began < busy * within_s:
             self.page.wait_for_timeout(50)
         self.that(what, holds, f"{time.monotonic() - began:.2f} s")
         return holds

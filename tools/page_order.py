@@ -116,7 +116,7 @@ def check_device(checks, browser, daemon):
     times = lambda: page.locator(".row time").all_inner_texts()
     checks.soon("times tell their zone", lambda: times() and all("GMT+5:30" in time for time in times()), 5)
     page.keyboard.press("Meta+Alt+s")
-    checks.soon("and they stop", daemon.stopped, 3)
+    checks.soon("and they stop", daemon.stopped, 3, busy=1)
     tabs.close()
     tabs = browser.new_context(has_touch=True, is_mobile=True, viewport={"width": 390, "height": 844})
     page = tabs.new_page()

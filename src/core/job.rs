@@ -83,15 +83,15 @@ pub struct Bin {
     pub region: Region,
 }
 
-/// A rectangle, mm.
+/// A rectangle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Region {
-    /// Lower left corner, mm.
+    /// Lower left corner.
     #[serde(rename = "min", with = "mm_point")]
     #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
     pub min_m: Vec2,
-    /// Upper right corner, mm.
+    /// Upper right corner.
     #[serde(rename = "max", with = "mm_point")]
     #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
     pub max_m: Vec2,

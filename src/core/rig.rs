@@ -72,7 +72,7 @@ pub struct RigModel {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FieldDriveModel {
-    /// Base frequency of the motions, Hz.
+    /// Base frequency of the motions.
     #[serde(rename = "base_hz", with = "hertz")]
     #[schemars(with = "f64", range(min = 5.0, max = 200.0))]
     pub base_radps: f64,

@@ -23,7 +23,7 @@ pub fn mm_from_m(m: f64) -> f64 {
 }
 
 /// A number without the last digits, in which a conversion of units and the conversion back differ.
-pub fn without_rounding_error(number: f64) -> f64 {
+fn without_rounding_error(number: f64) -> f64 {
     (number * 1e9).round() / 1e9
 }
 
@@ -54,14 +54,35 @@ macro_rules! file_form {
 
 pub use file_form;
 
+/// The number for a file from which `quantity_of` gives exactly `quantity`: `value` without its rounding error where
+/// that will do, else with it, or the next number.
+fn written(quantity: f64, value: f64, quantity_of: fn(f64) -> f64) -> f64 {
+    let numbers = [without_rounding_error(value), value, value.next_up(), value.next_down()];
+    numbers.into_iter().find(|number| quantity_of(*number) == quantity).unwrap_or(value)
+}
+
+/// Millimetres in a file for a length, m, that a file gave.
+pub fn written_mm(m: f64) -> f64 {
+    written(m, mm_from_m(m), m_from_mm)
+}
+
+/// Degrees in a file for an angle, rad, that a file gave.
+pub fn written_degrees(rad: f64) -> f64 {
+    written(rad, rad.to_degrees(), f64::to_radians)
+}
+
+/// Hertz in a file for an angular frequency, rad/s, that a file gave.
+pub fn written_hertz(radps: f64) -> f64 {
+    written(radps, radps / TAU, |hz| TAU * hz)
+}
+
 file_form!(
     /// Metres, in a file millimetres.
-    mm: f64 => f64, m_from_mm, |m| without_rounding_error(mm_from_m(*m))
+    mm: f64 => f64, m_from_mm, |m| written_mm(*m)
 );
 file_form!(
     /// A point, m, in a file mm.
-    mm_point: [f64; 2] => Vec2, |mm| mm.map(m_from_mm).into(),
-    |m| [m.x, m.y].map(|m| without_rounding_error(mm_from_m(m)))
+    mm_point: [f64; 2] => Vec2, |mm| mm.map(m_from_mm).into(), |m| [m.x, m.y].map(written_mm)
 );
 file_form!(
     /// Points, m, in a file mm, to the micrometre.
@@ -70,11 +91,11 @@ file_form!(
 );
 file_form!(
     /// Radians a second, in a file hertz.
-    hertz: f64 => f64, |hz| TAU * hz, |radps| without_rounding_error(radps / TAU)
+    hertz: f64 => f64, |hz| TAU * hz, |radps| written_hertz(*radps)
 );
 file_form!(
     /// Radians, in a file degrees.
-    degrees: f64 => f64, f64::to_radians, |rad| without_rounding_error(rad.to_degrees())
+    degrees: f64 => f64, f64::to_radians, |rad| written_degrees(*rad)
 );
 
 /// Positions in millimetres from positions in metres, rounded to the micrometre, which is finer than any measurement.
@@ -82,4 +103,27 @@ file_form!(
 pub fn places_mm(places_m: &[Vec2]) -> Vec<[f64; 2]> {
     let rounded = |m: f64| (mm_from_m(m) * 1e3).round() / 1e3;
     places_m.iter().map(|p| [rounded(p.x), rounded(p.y)]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// A rig that is written and read again is the same to the last bit: runs are repeated from what was written.
+        #[test]
+        fn written_numbers_read_back_exactly(number in -1000.0..1000.0f64, digits in 0..12) {
+            let decimal = format!("{number:.*}", digits as usize).parse::<f64>().unwrap();
+            for value in [number, decimal] {
+                prop_assert_eq!(m_from_mm(written_mm(m_from_mm(value))), m_from_mm(value));
+                prop_assert_eq!(written_degrees(value.to_radians()).to_radians(), value.to_radians());
+                prop_assert_eq!(TAU * written_hertz(TAU * value), TAU * value);
+            }
+            if digits < 8 {
+                prop_assert_eq!(written_mm(m_from_mm(decimal)), decimal);
+            }
+        }
+    }
 }

@@ -43,7 +43,16 @@ struct ExperimentOutput {
 
 /// Parses the command line and runs the command.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Err(error) if error.use_stderr() => {
+            let text = error.render().to_string();
+            let said: Vec<&str> = text.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
+            let said = said.join(" ");
+            return Failure::bad_input(format!("{}; see `upm-lab --help`", said.trim_start_matches("error: ")))
+                .report();
+        }
+        cli => cli.unwrap_or_else(|help| help.exit()),
+    };
     let done = match &cli.command {
         Some(Command::Scene(args)) => scene::draw(args, cli.json),
         Some(Command::Locate(args)) => locate::locate(args, cli.json),

@@ -81,6 +81,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn table_agrees_with_the_closed_form() {
+        assert_eq!(slip_ratios().count(), RATIOS);
+        let corner = [0.9, 0.99, 0.999, 0.9999, 1.0001, 1.001, 1.01, 1.1, 1.2];
+        for e in slip_ratios().chain(corner) {
+            let (table, exact) = (DiscFriction::shared().force_and_torque(e, 1.0), closed_form(e));
+            assert!([0, 1].iter().all(|&i| (table[i] / exact[i] - 1.0).abs() < 2e-5), "{e}: {table:?} {exact:?}");
+        }
+    }
+
+    #[test]
     fn closed_form_and_series_meet() {
         for e in [SERIES_BELOW, 1.0 / SERIES_BELOW] {
             let (below, above) = (closed_form(e * (1.0 - 1e-6)), closed_form(e * (1.0 + 1e-6)));

@@ -52,7 +52,15 @@ mod tests {
             let mut names = std::collections::BTreeSet::new();
             for line in table.lines().skip(1) {
                 let name = line.split('\t').next().unwrap();
-                assert_eq!(line.split('\t').count(), cells, "{line}");
+                let row: Vec<&str> = line.split('\t').collect();
+                assert_eq!(row.len(), cells, "{line}");
+                if table == FIGURES {
+                    let numbers: Vec<f64> = [3, 4, 2].iter().filter_map(|&i| row[i].parse().ok()).collect();
+                    let filled = [2, 3, 4].iter().filter(|&&i| !row[i].is_empty()).count();
+                    assert!(numbers.len() == filled && row[3].is_empty() == row[4].is_empty(), "{line}");
+                    assert!(numbers.len() < 2 || numbers[0] <= numbers[1], "{line}");
+                    assert!(!row[1].is_empty() && !row[5].is_empty(), "{line}");
+                }
                 assert!(names.insert(name), "twice: {name}");
                 let is_used = |name: &str| sources.contains(&format!("\"{name}\""));
                 assert!(

@@ -1,12 +1,12 @@
 //! Planners: from wanted steps to pulses. Either CORs of the library, a second-order-cone program for the counts of
 //! pulses and quadratic programs for their lengths d_j; or one synthesised motion for all parts.
 
+mod cache;
 mod corridor;
 mod fields;
 mod flow_effort;
 mod friction;
 mod independence;
-mod kept;
 mod pseudo_inverse;
 mod pump;
 mod reach;

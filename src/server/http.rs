@@ -13,10 +13,8 @@ mod stop_listener;
 mod tokens;
 
 pub(crate) use layers::{too_large, with_layers};
-#[cfg(test)]
-pub(crate) use listen::BLOCKING_THREADS;
-pub(crate) use listen::Peer;
 pub use listen::serve;
+pub(crate) use listen::{BLOCKING_THREADS, Peer};
 pub use origin_check::AllowedHosts;
 pub(crate) use problem::PROBLEM_JSON;
 pub use problem::{Problem, ProblemDocument, Reason, ReasonCode, joined};

@@ -89,15 +89,15 @@ impl Store {
         now: fn() -> Timestamp,
     ) -> Result<OpenOutcome, StoreFault> {
         let runs = data.join("runs");
-        fs::create_dir_all(data).map_err(|error| named(data, error))?;
+        fs::create_dir_all(data).map_err(|error| with_path(data, error))?;
         let lock = lock(data)?;
         let file = data.join("upm.db");
-        let connection = open_database(&file).map_err(|fault| named(&file, fault))?;
-        fs::create_dir_all(&runs).map_err(|error| named(&runs, error))?;
+        let connection = open_database(&file).map_err(|fault| with_path(&file, fault))?;
+        fs::create_dir_all(&runs).map_err(|error| with_path(&runs, error))?;
         let opened = Mutex::new(Some(Opened { connection, _lock: lock }));
         let (fault, runs_bytes) = (Mutex::default(), AtomicU64::new(0));
         let store = Self { opened, runs, limits, now, fault, runs_bytes };
-        let recovery = store.recover(plates)?;
+        let recovery = store.recover(plates).map_err(|fault| with_path(&file, fault))?;
         store.sweep();
         Ok(OpenOutcome { store, recovery })
     }
@@ -167,18 +167,18 @@ impl Store {
 fn lock(data: &Path) -> Result<File, StoreFault> {
     let path = data.join("lock");
     let file = File::options().write(true).create(true).truncate(false).open(&path);
-    let file = file.map_err(|error| named(&path, error))?;
+    let file = file.map_err(|error| with_path(&path, error))?;
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => {
             Err(StoreFault::Io(format!("{} belongs to another daemon that is running", data.display())))
         }
-        Err(TryLockError::Error(error)) => Err(named(&path, error)),
+        Err(TryLockError::Error(error)) => Err(with_path(&path, error)),
     }
 }
 
 /// The fault of an operation on `path`.
-fn named(path: &Path, fault: impl Into<StoreFault>) -> StoreFault {
+fn with_path(path: &Path, fault: impl Into<StoreFault>) -> StoreFault {
     let file = path.display();
     match fault.into() {
         StoreFault::Io(reason) => StoreFault::Io(format!("{file}: {reason}")),

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::signal::MotorArrangement;
-use upm_core::units::{degrees, file_form, m_from_mm, mm, mm_from_m, mm_point, without_rounding_error};
+use upm_core::units::{degrees, file_form, m_from_mm, mm, mm_point, written_degrees, written_mm};
 
 /// Constant parameters of the simulated rig, apart from all state.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +27,7 @@ pub struct SimParams {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlateParams {
-    /// Side of the square plate, mm.
+    /// Side of the square plate.
     #[serde(rename = "side_mm", with = "mm")]
     #[schemars(with = "f64", range(min = 20.0, max = 2000.0))]
     pub side_m: f64,
@@ -63,9 +63,9 @@ file_form!(or_infinite: Option<f64> => f64, |value| value.unwrap_or(f64::INFINIT
     |value| Some(*value).filter(|value| value.is_finite()));
 file_form!(counts: u32 => f64, f64::from, |counts| *counts as u32);
 file_form!(mm_place: [f64; 3] => Vector3<f64>, |mm| mm.map(m_from_mm).into(),
-    |m| <[f64; 3]>::from(*m).map(|m| without_rounding_error(mm_from_m(m))));
+    |m| <[f64; 3]>::from(*m).map(written_mm));
 file_form!(three_degrees: [f64; 3] => [f64; 3], |degrees| degrees.map(f64::to_radians),
-    |rad| rad.map(|rad| without_rounding_error(rad.to_degrees())));
+    |rad| rad.map(written_degrees));
 file_form!(gray_levels: GrayLevels => [f64; 3], |levels| [levels.ground, levels.plate, levels.part],
     |&[ground, plate, part]| GrayLevels { ground, plate, part });
 
@@ -89,7 +89,7 @@ fn axes_schema(most: f64) -> Schema {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MotorParams {
-    /// Distance of the motors' lines of action from the plate's centre, mm.
+    /// Distance of the motors' lines of action from the plate's centre.
     #[serde(rename = "lever_arm_mm", with = "mm")]
     #[schemars(with = "f64", range(min = 1.0, max = 1000.0))]
     pub lever_arm_m: f64,
@@ -124,7 +124,7 @@ pub struct MotorParams {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AccelerometerParams {
-    /// Place of number 1 on the plate, mm.
+    /// Place of number 1 on the plate.
     #[serde(rename = "position_mm", with = "mm_point")]
     #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
     pub position_m: Vec2,
@@ -178,11 +178,11 @@ pub struct CameraParams {
     #[serde(default)]
     #[schemars(inner(range(min = -1.0, max = 1.0)))]
     pub tangential: [f64; 2],
-    /// Where the camera's centre is, mm: x right and y up from the plate's centre, z above the plate.
+    /// Where the camera's centre is: x right and y up from the plate's centre, z above the plate.
     #[serde(rename = "position_mm", with = "mm_place")]
     #[schemars(with = "[f64; 3]", inner(range(min = -20000.0, max = 20000.0)))]
     pub position_m: Vector3<f64>,
-    /// Rotation from looking straight down, about the image's x and y axes and about the optical axis, degrees.
+    /// Rotation from looking straight down, about the image's x and y axes and about the optical axis.
     #[serde(rename = "tilt_deg", default, with = "three_degrees")]
     #[schemars(with = "[f64; 3]", inner(range(min = -45.0, max = 45.0)))]
     pub tilt_rad: [f64; 3],
@@ -198,7 +198,7 @@ pub struct CameraParams {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 0.9))]
     pub shading: f64,
-    /// Direction in which light falls off, degrees, in the image.
+    /// Direction in which light falls off, in the image.
     #[serde(rename = "shading_direction_deg", default, with = "degrees")]
     #[schemars(with = "f64", range(min = -360.0, max = 360.0))]
     pub shading_direction_rad: f64,

@@ -10,8 +10,9 @@ use tempfile::TempDir;
 use super::{root, upm};
 
 /// Wrong command lines, run in a folder that `upm init` made.
-const COMMANDS: [&str; 28] = [
+const COMMANDS: [&str; 29] = [
     "rnu configs/plus-sign.json",
+    "lab mchip",
     "configs/plus-sign.json",
     "run plus-sign.json",
     "run configs/plus_sign.json",

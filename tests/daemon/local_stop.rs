@@ -65,6 +65,16 @@ fn socket_stops_nothing_when_it_is_asked_for_nothing_that_there_is() {
 }
 
 #[test]
+fn plate_beside_an_unknown_name_is_stopped_through_the_socket() {
+    let served = TestDaemon::start();
+    let data = served.folder.path().join("data");
+    let args = ["estop", LEFT, "nowhere", "--json", "--data", data.to_str().unwrap(), "--url", "http://127.0.0.1:9"];
+    let (stdout, stderr) = served.status(&args, 2);
+    assert!(stdout.contains("\"socket\"") && stderr.contains("nowhere: NOT STOPPED"), "{stdout}{stderr}");
+    assert_eq!(served.plate(LEFT)["state"], "stopped");
+}
+
+#[test]
 fn estop_without_a_socket_goes_over_http() {
     let served = TestDaemon::start();
     let nowhere = served.folder.path().join("nowhere");

@@ -206,7 +206,7 @@ def report_healthy(verdicts, wall_s):
         told = collections.Counter(code for v in of for code in v.guards)
         rows.append([*kind, len(of), sum(v.outcome == "completed" for v in of), in_words(told), in_words(ends)])
     print("\n".join(table(["job", "planner", "runs", "completed", "findings", "other ends"], rows)))
-    bad = [v for v in verdicts if v.guards or v.violations or v.outcome == "refused"]
+    bad = [v for v in verdicts if v.guards or v.violations or v.outcome != "completed"]
     for v in bad:
         print(f"  seed {v.case.seed}  {v.case.made.template}, {v.case.made.parts} parts, {v.case.made.planner}: {v.told}")
     print(f"\n{len(bad)} of {len(verdicts)} healthy runs in {wall_s:.0f} s; rate at most {upper_bound(len(bad), len(verdicts)):.1e} (95 %)")

@@ -1,4 +1,4 @@
-"""Jobs that no template has: any task, 2 to 30 parts of all kinds, dense and loose, both rigs and planners."""
+"""Randomly drawn jobs: any task, 2 to 30 parts of all kinds, dense and loose, both rigs and planners."""
 import math
 
 from .jobs import RADIUS_MM, RIGS, Made, places, rig_of

@@ -70,8 +70,14 @@ impl DiscFriction {
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::tests::slip_ratios;
     use super::*;
+
+    /// 200 slip ratios from 1e-4 to 1e4, e = 1 and its near neighbours among them.
+    fn slip_ratios() -> impl Iterator<Item = f64> {
+        let spread = (0..190).map(|i| 10f64.powf(-4.0 + 8.0 * f64::from(i) / 189.0));
+        let corner = [0.9, 0.99, 0.999, 0.9999, 1.0, 1.0001, 1.001, 1.01, 1.1, 1.2];
+        spread.chain(corner)
+    }
 
     #[test]
     fn quick_sticking_test_is_inside_the_limit_curve() {

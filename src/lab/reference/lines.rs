@@ -6,7 +6,7 @@ use imageproc::edges::canny;
 use imageproc::hough::{LineDetectionOptions, detect_lines};
 use nalgebra::{Matrix2, SymmetricEigen};
 
-use crate::numerics::spread;
+use crate::numerics::suppress_neighbours;
 use upm_core::geometry::Vec2;
 
 /// Canny's thresholds as fractions of the step from ground to plate. Its Sobel filter responds with twice the height of
@@ -79,7 +79,7 @@ pub(super) fn fitted_lines(edges: &GrayImage, votes: u32) -> Vec<FittedLine> {
         .collect();
     fitted.sort_by(|a, b| b.edges.len().cmp(&a.edges.len()).then(a.offset_px.total_cmp(&b.offset_px)));
     let middle = Vec2::new(f64::from(edges.width()), f64::from(edges.height())) * 0.5;
-    let mut kept = spread(fitted, |other: &FittedLine, line| {
+    let mut kept = suppress_neighbours(fitted, |other: &FittedLine, line| {
         let [a_px, b_px] = [other, line].map(|line| line.distance_px(middle));
         other.normal.dot(&line.normal).abs() <= SAME_COSINE
             || (a_px.abs() - b_px.abs()).abs() >= SAME_PX

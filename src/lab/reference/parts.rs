@@ -6,7 +6,7 @@ use imageproc::template_matching::{MatchTemplateMethod, match_template_with_mask
 use nalgebra::{Matrix2, Matrix3, Vector3};
 
 use super::ReferenceView;
-use crate::numerics::spread;
+use crate::numerics::suppress_neighbours;
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_perception::vision::{Detection, Table};
@@ -43,7 +43,7 @@ pub fn find_parts(view: &ReferenceView, kinds: &[PartKind], dark_parts: bool) ->
     candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
     // one part is a candidate of several kinds
     let places = candidates.into_iter().map(|(_, cell)| full_px(cell));
-    let places = spread(places, |other, place| (other - place).norm() > 0.5 * smallest_px);
+    let places = suppress_neighbours(places, |other, place| (other - place).norm() > 0.5 * smallest_px);
     let reach_px = f64::from(shrink) + 2.0;
     let best = |near: Vec2| {
         let matches = (0..kinds.len()).filter_map(|kind| refined(view, &darkness, kinds, kind, near, reach_px));
@@ -51,7 +51,7 @@ pub fn find_parts(view: &ReferenceView, kinds: &[PartKind], dark_parts: bool) ->
     };
     let mut found: Vec<Detection> = places.into_iter().filter_map(best).collect();
     found.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.center_px.y.total_cmp(&b.center_px.y)));
-    let mut kept = spread(found, |other: &Detection, part| {
+    let mut kept = suppress_neighbours(found, |other: &Detection, part| {
         (other.center_px - part.center_px).norm() > LEAST_DISTANCE * (other.radius_px + part.radius_px)
     });
     kept.sort_by(|a, b| a.center_px.y.total_cmp(&b.center_px.y).then(a.center_px.x.total_cmp(&b.center_px.x)));

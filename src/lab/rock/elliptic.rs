@@ -37,12 +37,12 @@ fn part(angle_rad: f64, level: f64, turns: bool) -> Option<f64> {
     let amplitude = FRAC_PI_4 + 0.5 * angle_rad;
     if level > 1.0 {
         let parameter = 2.0 / (level + 1.0);
-        return Some(2.0 / (level + 1.0).sqrt() * elliptic_f(amplitude, parameter));
+        return Some(2.0 / (level + 1.0).sqrt() * elliptic_f(amplitude, parameter)).filter(|part| part.is_finite());
     }
     let parameter = 0.5 * (1.0 + level);
     let sine = amplitude.sin() / parameter.sqrt();
     let amplitude = if turns { FRAC_PI_2 } else { Some(sine).filter(|sine| *sine <= 1.0 + 1e-12)?.min(1.0).asin() };
-    Some(std::f64::consts::SQRT_2 * elliptic_f(amplitude, parameter))
+    Some(std::f64::consts::SQRT_2 * elliptic_f(amplitude, parameter)).filter(|part| part.is_finite())
 }
 
 #[cfg(test)]

@@ -159,11 +159,11 @@ fn hand_and_arm_hide_the_plate_and_are_not_reported_as_parts() {
         let mut watch = watch(&scene);
         watch.check(&shot(&scene, 50, &discs), &tracks(&discs));
         // each level in its share of the poses, which lie all around
-        for k in (seed as i32..20).step_by(LEVELS.len()) {
+        for k in (seed as i32..40).step_by(LEVELS.len()) {
             let (sin, cos) = (f64::from(k) * 0.8).sin_cos();
             let (out, side) = (Vec2::new(cos, sin), Vec2::new(-sin, cos));
             let palm = ClutterOutline::rectangle(out * (SIDE_M * 0.68), [SIDE_M / 2.0, SIDE_M], 0.8 * f64::from(k));
-            let tip = out * (0.01 * f64::from(k % 8)) + side * (0.008 * f64::from(k % 5));
+            let tip = out * (0.01 * f64::from(k % 8)) + side * (0.008 * f64::from((k / 5 + k) % 5));
             let arm = ClutterOutline::capsule(tip, tip + out * 0.4, 0.03);
             for (shape, least) in [(palm, 0.15), (arm, 0.05)] {
                 let tracks = tracks_behind(&discs, &shape);

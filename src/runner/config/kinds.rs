@@ -3,7 +3,7 @@ use super::rig_file::RigFile;
 use upm_core::document::{Diagnostics, Path};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
-use upm_core::units::{m_from_mm, mm_from_m, without_rounding_error};
+use upm_core::units::{m_from_mm, written_mm};
 use upm_sim::PartParams;
 
 /// US coins: name, diameter mm, mass g, height mm.
@@ -62,7 +62,7 @@ pub(super) fn kinds_of(rig: &RigFile, at: &Path, faults: &mut Diagnostics) -> Ve
         faults.require(is_plain_name(name), &at, format!("{name:?}"), NAMES);
         let known = COINS.iter().any(|(coin, ..)| coin == name);
         faults.require(!known, &at, format!("{name:?}"), "a name other than penny, nickel, dime, quarter");
-        let side_mm = without_rounding_error(mm_from_m(rig.plate.side_m));
+        let side_mm = written_mm(rig.plate.side_m);
         let allowed = format!("up to {side_mm} (the plate's side)");
         faults.require(kind.diameter_mm <= side_mm, at.key("diameter_mm"), kind.diameter_mm, allowed);
         kinds.push(disc(name, kind.diameter_mm, kind.mass_g, kind.thickness_mm, kind.friction.unwrap_or(friction)));

@@ -1,10 +1,8 @@
-use std::f64::consts::TAU;
-
 use super::read::{NAMES, is_plain_name};
 use super::rig_file::RigFile;
 use super::view;
 use upm_core::document::{Diagnostics, Path};
-use upm_core::units::{GRAVITY_MPS2, mm_from_m, without_rounding_error};
+use upm_core::units::{GRAVITY_MPS2, mm_from_m, written_hertz, written_mm};
 use upm_sim::SimParams;
 
 /// Most pixels of a frame in which the table is searched.
@@ -34,11 +32,6 @@ pub(super) fn check(rig: &RigFile, sim: &SimParams, at: &Path, faults: &mut Diag
         step_s,
         format!("up to {longest_s} (a hundredth of the drive's period, one sample of motors and accelerometers)"),
     );
-}
-
-/// Millimetres as the file has them.
-fn written_mm(m: f64) -> f64 {
-    without_rounding_error(mm_from_m(m))
 }
 
 fn check_plate(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
@@ -106,7 +99,7 @@ fn check_drive(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
 /// Checks that synthesised motions drive the plate above resonance, pass the low-pass, and are sampled densely enough.
 fn check_fields(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
     let (Some(fields), at) = (&rig.fields, at.key("fields")) else { return };
-    let base_hz = without_rounding_error(fields.base_radps / TAU);
+    let base_hz = written_hertz(fields.base_radps);
     let stiffest_hz = rig.plate.resonance_hz.into_iter().fold(0.0, f64::max);
     let allowed = format!("above {stiffest_hz}, the highest of plate.resonance_hz");
     faults.require(base_hz > stiffest_hz, at.key("base_hz"), base_hz, allowed);

@@ -1,7 +1,5 @@
 //! Trace files: what the accelerometers saw during one pulse on any rig.
 
-use std::f64::consts::TAU;
-
 use schemars::JsonSchema;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
@@ -10,7 +8,7 @@ use serde_json::Value;
 use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, CHANNEL_NAMES, CHANNELS, Envelope, MISSING_SAMPLE, RecordedPulse};
-use upm_core::units::{file_form, hertz, mm_point, without_rounding_error};
+use upm_core::units::{file_form, hertz, mm_point, written_hertz};
 
 /// Fewest samples per base period that a fit can use.
 const LEAST_SAMPLES: f64 = 16.0;
@@ -126,7 +124,7 @@ fn laid_out(value: &Value, indent: usize) -> String {
 
 fn check(file: &TraceFile, faults: &mut Diagnostics) {
     let root = Path::root();
-    let least_hz = LEAST_SAMPLES * without_rounding_error(file.base_radps / TAU);
+    let least_hz = LEAST_SAMPLES * written_hertz(file.base_radps);
     let allowed = format!("{least_hz} or more ({LEAST_SAMPLES} samples to a period of base_hz)");
     faults.require(file.sample_hz >= least_hz, root.key("sample_hz"), file.sample_hz, allowed);
     let apart = file.accelerometer_in_plate_m != Vec2::zeros();

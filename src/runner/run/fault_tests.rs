@@ -53,19 +53,23 @@ fn bytes(done: &RunResult, name: &str) -> String {
     std::fs::read_to_string(done.folder.join(name)).unwrap_or_default()
 }
 
-/// A run of the job without faults, with its folder.
-static PLAIN: LazyLock<(TempDir, RunResult)> = LazyLock::new(|| run_of(&Value::Null));
+/// A run of the job without faults: its report, its journal, and whether it wrote the truth.
+static PLAIN: LazyLock<(Report, String, bool)> = LazyLock::new(|| {
+    let (_folder, done) = run_of(&Value::Null);
+    let (journal, has_truth) = (bytes(&done, "journal.jsonl"), done.folder.join(folder::TRUTH_FILE).exists());
+    (done.report, journal, has_truth)
+});
 
 #[test]
 fn run_without_faults_keeps_its_bytes_and_writes_no_truth() {
-    let ((_, plain), (_b, none)) = (&*PLAIN, run_of(&json!([])));
-    assert_eq!(plain.report.outcome, Outcome::Completed, "{}", plain.report.reason);
-    assert_eq!(bytes(plain, "journal.jsonl"), bytes(&none, "journal.jsonl"));
-    assert!(!plain.folder.join(folder::TRUTH_FILE).exists());
-    assert_eq!((plain.report.verdict, plain.report.faults.len()), (Some(Truth::True), 0));
+    let ((plain, journal, has_truth), (_b, none)) = (&*PLAIN, run_of(&json!([])));
+    assert_eq!(plain.outcome, Outcome::Completed, "{}", plain.reason);
+    assert_eq!(*journal, bytes(&none, "journal.jsonl"));
+    assert!(!has_truth);
+    assert_eq!((plain.verdict, plain.faults.len()), (Some(Truth::True), 0));
     // a fault that never begins changes only the record of it
     let (_c, later) = run_of(&json!([{"component": "coil0", "kind": "dead", "from_s": 1000.0}]));
-    assert_eq!(bytes(plain, "journal.jsonl"), bytes(&later, "journal.jsonl"));
+    assert_eq!(*journal, bytes(&later, "journal.jsonl"));
     assert_eq!(bytes(&later, folder::TRUTH_FILE).lines().count() as u64, later.report.frames);
 }
 
@@ -168,7 +172,7 @@ fn faults_that_pass_are_waited_for_and_the_run_completes_truly() {
 
 #[test]
 fn completed_run_whose_parts_truly_are_elsewhere_is_a_false_success() {
-    let report = &PLAIN.1.report;
+    let report = &PLAIN.0;
     let displaced = |by_mm: f64| {
         let mut report = report.clone();
         let part = &mut report.parts[1];

@@ -46,7 +46,7 @@ pub struct JobsPage {
 }
 
 /// A job that is ready to be queued.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Checked {
     /// Name of the job.
     pub name: String,
@@ -73,9 +73,9 @@ pub(super) struct SubmitQuery {
     pace: Option<Pace>,
 }
 
-/// Header with the idempotency key, and its most characters.
+/// Header with the idempotency key, and its greatest length.
 pub(super) const IDEMPOTENCY_KEY: &str = "Idempotency-Key";
-pub(super) const MOST_KEY: usize = 255;
+pub(super) const MAX_KEY_CHARS: usize = 255;
 
 type OneJob = Path<JobPath>;
 
@@ -85,7 +85,7 @@ pub(super) async fn submit(
     headers: HeaderMap,
     body: JsonBody<JobFile>,
 ) -> Result<Response, Problem> {
-    let key = one_word(&headers, IDEMPOTENCY_KEY, MOST_KEY)?.map(str::to_owned);
+    let key = one_word(&headers, IDEMPOTENCY_KEY, MAX_KEY_CHARS)?.map(str::to_owned);
     let submit = move |daemon: &DaemonState, is_awaited: &dyn Fn() -> bool| {
         daemon.submit(&body.text, query.pace, key, is_awaited)
     };

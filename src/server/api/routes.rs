@@ -76,7 +76,7 @@ fn operate() -> Routes {
             post_with(jobs::submit, |operation| {
                 let mut operation = named("submit", submit)(operation).response::<201, Json<Job>>();
                 let about = "The same key and body again within a day, and as long as the job is stored, give the same job again.";
-                let schema = json!({"type": "string", "minLength": 1, "maxLength": jobs::MOST_KEY});
+                let schema = json!({"type": "string", "minLength": 1, "maxLength": jobs::MAX_KEY_CHARS});
                 let key = json!({"in": "header", "name": jobs::IDEMPOTENCY_KEY, "description": about, "schema": schema});
                 operation.inner_mut().parameters.extend(serde_json::from_value(key).ok());
                 operation

@@ -11,7 +11,7 @@ use tokio::task::spawn_blocking;
 use tokio_util::sync::CancellationToken;
 
 use super::health::Observed;
-use crate::http::{Caller, Confirmations, Problem, Tokens};
+use crate::http::{BLOCKING_THREADS, Caller, Confirmations, Problem, Tokens};
 use crate::store::{AuditEntry, Job, JobId, JobRow, JobState, Store, StoreFault};
 use crate::supervisor::{Plate, PlateHandle, PlateSupervisor, ResetFault};
 use upm_core::files::free_bytes;
@@ -36,6 +36,8 @@ pub(crate) struct DaemonState {
     pub ending: CancellationToken,
     counted: Mutex<Counted>,
     pub confirmations: Confirmations,
+    /// Places for work that waits for the disk. Threads remain for files that are being sent.
+    places: Arc<Semaphore>,
     /// Places for event streams.
     pub event_streams: Arc<Semaphore>,
     pub version: &'static str,
@@ -88,6 +90,7 @@ impl DaemonState {
             ending: CancellationToken::new(),
             counted,
             confirmations: Confirmations::start("stops", CONFIRMED_AT_ONCE)?,
+            places: Arc::new(Semaphore::new(BLOCKING_THREADS - 2)),
             event_streams: Arc::new(Semaphore::new(EVENT_STREAMS)),
             version,
         })
@@ -101,7 +104,10 @@ impl DaemonState {
     ) -> Result<T, Problem> {
         let (daemon, gone) = (Arc::clone(self), CancellationToken::new());
         let _awaited = gone.clone().drop_guard();
+        let place = Arc::clone(&self.places).acquire_owned().await;
         let answer = spawn_blocking(move || {
+            // free once the work has ended, whether or not its client waits
+            let _place = place;
             let is_awaited = || !gone.is_cancelled();
             if is_awaited() { work(&daemon, &is_awaited) } else { Err(unheard()) }
         });
@@ -150,7 +156,7 @@ impl DaemonState {
 
     /// The plate's state after an operation on it.
     pub fn plate_after(&self, plate: &PlateHandle) -> Plate {
-        self.count_jobs();
+        self.count_jobs(Some(JobState::Queued));
         self.plate_now(plate)
     }
 
@@ -168,19 +174,22 @@ impl DaemonState {
         }
     }
 
-    /// Counts jobs; when the store fails, the previous numbers remain.
-    pub fn count_jobs(&self) {
-        if let Ok(jobs) = self.store.counts() {
-            self.counted.lock().jobs = jobs;
+    /// Counts jobs, or those in one state; when the store fails, the previous numbers remain.
+    pub fn count_jobs(&self, of: Option<JobState>) {
+        if let Ok(counts) = self.store.counts(of) {
+            let jobs = &mut self.counted.lock().jobs;
+            jobs.retain(|(_, state, _)| of.is_some_and(|of| *state != of));
+            jobs.extend(counts);
         }
     }
 
-    /// Counts jobs and the free space; sees whether a store that failed can be written again, and writes stops and
-    /// pauses that could not be written. Waits for the disk.
-    pub fn count(&self) {
+    /// Counts queued jobs and the free space, and `all` jobs, which takes as long as there are many; sees whether a
+    /// store that failed can be written again, and writes stops and pauses that could not be written. Waits for the
+    /// disk.
+    pub fn count(&self, all: bool) {
         self.store.retry();
         self.plates.persist_again();
-        self.count_jobs();
+        self.count_jobs((!all).then_some(JobState::Queued));
         let free_bytes = free_bytes(self.store.runs()).ok();
         let mut counted = self.counted.lock();
         (counted.at, counted.free_bytes) = (self.clock.elapsed(), free_bytes);

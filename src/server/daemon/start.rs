@@ -27,6 +27,8 @@ const REQUESTS_WITHIN: Duration = Duration::from_millis(1300);
 const STORE_WITHIN: Duration = Duration::from_millis(400);
 /// Interval at which jobs and free space are counted.
 const TICK: Duration = Duration::from_millis(500);
+/// Ticks from one count of all jobs to the next: that takes as long as there are many.
+const TICKS_A_COUNT: u64 = 10;
 
 /// Why a daemon does not start.
 #[derive(Debug, thiserror::Error)]
@@ -143,8 +145,8 @@ fn log_recovery(recovery: &RecoveryReport, store: &Store, spec: &DaemonSpec) {
     for (plate, _) in paused {
         tracing::warn!(plate, "paused: nothing moves before `upm resume {plate}`");
     }
-    for (plate, state, jobs) in store.counts().unwrap_or_default() {
-        if state == JobState::Queued && spec.plate(&plate).is_none() {
+    for (plate, _, jobs) in store.counts(Some(JobState::Queued)).unwrap_or_default() {
+        if spec.plate(&plate).is_none() {
             tracing::warn!(plate, jobs, "jobs wait for a plate that is not served");
         }
     }
@@ -155,8 +157,11 @@ fn start_counting(state: &Arc<DaemonState>) -> io::Result<()> {
     let state = Arc::clone(state);
     let count = move || {
         lower_thread_priority();
-        while !state.ending.is_cancelled() {
-            state.count();
+        for tick in 0_u64.. {
+            if state.ending.is_cancelled() {
+                break;
+            }
+            state.count(tick.is_multiple_of(TICKS_A_COUNT));
             thread::sleep(TICK);
         }
     };

@@ -9,18 +9,25 @@ use uuid::{NoContext, Uuid};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct JobId(#[serde(with = "uuid::serde::simple")] Uuid);
 
+/// Bits below the milliseconds since 1970 with which an id begins.
+const TIME_SHIFT: u32 = 80;
+
 impl JobId {
     /// Parses exactly 32 lower-case hex digits.
     pub fn parse(text: &str) -> Option<Self> {
         Uuid::try_parse(text).ok().map(Self).filter(|id| id.to_string() == text)
     }
 
-    /// An id of this time, above `last` even when the wall clock goes back.
+    /// An id of this time, above `last` even when the wall clock goes back. It is drawn, so that the id of a deleted
+    /// job is not given again.
     pub(super) fn next(last: Option<Self>, now: Timestamp) -> Self {
-        let ms = now.as_millisecond().max(0).unsigned_abs();
-        let time = uuid::Timestamp::from_unix(NoContext, ms / 1000, (ms % 1000) as u32 * 1_000_000);
-        let least = last.map_or(0, |Self(last)| last.as_u128() + 1);
-        Self(Uuid::from_u128(Uuid::new_v7(time).as_u128().max(least)))
+        let after_ms = last.map_or(0, |Self(last)| (last.as_u128() >> TIME_SHIFT) as u64 + 1);
+        let drawn = |ms: u64| {
+            let time = uuid::Timestamp::from_unix(NoContext, ms / 1000, (ms % 1000) as u32 * 1_000_000);
+            Self(Uuid::new_v7(time))
+        };
+        let id = drawn(now.as_millisecond().max(0).unsigned_abs());
+        if last < Some(id) { id } else { drawn(after_ms) }
     }
 }
 
@@ -46,6 +53,13 @@ mod tests {
         for text in odd.into_iter().chain((upper != id.to_string()).then_some(upper.as_str())) {
             assert_eq!(JobId::parse(text), None, "{text}");
         }
+    }
+
+    #[test]
+    fn id_of_a_deleted_job_is_not_given_again() {
+        let newest = JobId::next(None, Timestamp::from_second(1000).unwrap());
+        let [deleted, next] = [(); 2].map(|()| JobId::next(Some(newest), Timestamp::UNIX_EPOCH));
+        assert!(deleted > newest && next > newest && deleted != next);
     }
 
     proptest! {

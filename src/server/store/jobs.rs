@@ -100,9 +100,10 @@ impl Store {
         self.read(|connection| rows(connection, &sql, params![below, limit, state.map(JobState::code)], job_of))
     }
 
-    /// Number of jobs of each plate in each state.
-    pub fn counts(&self) -> Result<Vec<(String, JobState, u64)>, StoreFault> {
-        let sql = "SELECT plate, json_quote(state), count(*) FROM jobs GROUP BY plate, state";
+    /// Number of jobs of each plate in each state, or in one.
+    pub fn counts(&self, of: Option<JobState>) -> Result<Vec<(String, JobState, u64)>, StoreFault> {
+        let of = of.map_or(String::new(), |state| format!("WHERE state = '{}'", state.code()));
+        let sql = &format!("SELECT plate, json_quote(state), count(*) FROM jobs {of} GROUP BY plate, state");
         let of_row = |row: &Row<'_>| Ok((row.get(0)?, row.get::<_, Json<JobState>>(1)?.0, row.get(2)?));
         self.read(|connection| rows(connection, sql, [], of_row))
     }
@@ -152,7 +153,7 @@ impl Store {
         Ok(())
     }
 
-    /// Ends a job at this time, or when it began if that is later.
+    /// Ends a job at this time, or when it began or was submitted if that is later.
     pub(super) fn end(&self, write: &Write<'_>, row: JobRow, end: JobEnd, at: String) -> Result<JobRow, StoreFault> {
         let JobRow { job, folder, .. } = &row;
         let JobEnd { state, reason, report, recording, progress } = end;
@@ -179,7 +180,7 @@ impl Write<'_> {
         self.tx.query_row(sql, [plate], of_row).optional()
     }
 
-    /// Stores a new job, under its id and with the time.
+    /// Stores a new job, under a new id and with the time.
     fn insert(&self, job: &JobWithSpec) -> rusqlite::Result<JobWithSpec> {
         let mut job = job.clone();
         let last = self.tx.query_row("SELECT max(id) FROM jobs", [], |row| row.get(0))?;
@@ -189,7 +190,7 @@ impl Write<'_> {
         Ok(job)
     }
 
-    /// Replaces a job. Its text goes once it has begun: its run folder has a copy.
+    /// Replaces a job. Its text is deleted once it has left the queue.
     fn update(&self, row: &JobRow) -> rusqlite::Result<()> {
         let sql = "UPDATE jobs SET job = ?2, spec = iif(?3, spec, NULL) WHERE id = ?1";
         self.tx.execute(sql, params![row.id, Json(row), row.state == JobState::Queued]).map(drop)

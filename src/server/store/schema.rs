@@ -20,10 +20,10 @@ const VERSION_AT: usize = 60;
 const APPLICATION_ID_AT: usize = 68;
 
 /// A job is one JSON text, a `JobRow`; the columns that are asked for are made from it. Times are texts of one length,
-/// UTC. The text of a job is deleted when it begins, since its run folder has a copy. A job that was moved to the front
-/// of its plate's queue has a turn below those of the others. `plates` has every plate that was served, with the cause
-/// of its pause. The audit log has the pauses of plates, the starts and ends of the daemon, and the idempotency keys of
-/// deleted jobs, too.
+/// UTC. The text of a job is deleted when it leaves the queue: a run writes it to its folder. A job that was moved to
+/// the front of its plate's queue has a turn below those of the others. `plates` has every plate that was served, with
+/// the cause of its pause. The audit log has the pauses of plates, the starts and ends of the daemon, and the
+/// idempotency keys of deleted jobs, too.
 const TABLES: &str = "
 CREATE TABLE jobs (
     id TEXT NOT NULL PRIMARY KEY,
@@ -42,6 +42,7 @@ CREATE TABLE jobs (
 ) STRICT;
 CREATE INDEX jobs_by_state ON jobs (state, id);
 CREATE INDEX jobs_by_plate ON jobs (plate, state, turn, id);
+CREATE INDEX jobs_standing ON jobs (plate, id, state, folder) WHERE standing = 1;
 CREATE INDEX jobs_with_folder ON jobs (finished_at, id, folder, bytes) WHERE folder IS NOT NULL;
 
 CREATE TABLE plates (

@@ -89,12 +89,12 @@ impl Standing {
         *self.paused.lock() = why;
     }
 
-    /// Sets the reason for which it may not begin, apart from its turn. True when the reason is new.
+    /// Sets the reason for which it may not begin, apart from its turn. True when it could begin before or can now.
     pub fn hold(&self, why: Option<String>) -> bool {
         let mut held = self.held.lock();
-        let is_news = *held != why;
+        let was_held = held.is_some();
         *held = why;
-        is_news
+        was_held != held.is_some()
     }
 
     /// Ends its run between two cycles.

@@ -57,7 +57,7 @@ pub struct PlateHandle {
     pub(super) paused: Mutex<Option<PauseCause>>,
     /// Held while a pause or its end is written to the audit log, which keeps their order.
     pub(super) pausing: Mutex<()>,
-    /// The last pause, or its end, that could not be written to the audit log.
+    /// The last pause, or its end, that could not be written to the store.
     pub(super) unnoted: Mutex<Option<AuditEntry>>,
     /// Threads that write an emergency stop to the disk.
     pub(super) recorders: AtomicUsize,
@@ -81,7 +81,8 @@ impl PlateHandle {
     pub(super) fn pause(&self, why: PauseCause) {
         let _order = self.pausing.lock();
         let entry = AuditEntry::of_plate(&self.name, AuditEntry::PAUSE, &why.why);
-        if self.paused.lock().replace(why).is_none() {
+        let before = self.paused.lock().replace(why.clone());
+        if before != Some(why) {
             self.note_pausing(entry);
         }
     }
@@ -100,7 +101,7 @@ impl PlateHandle {
         }
     }
 
-    /// Writes the last pause, or its end, to the audit log if it is not there; false when it still is not.
+    /// Writes the last pause, or its end, to the store if it is not there; false when it still is not.
     pub(super) fn note_again(&self) -> bool {
         let mut unnoted = self.unnoted.lock();
         if unnoted.as_ref().is_some_and(|entry| self.store.set_pause(&self.name, self.paused().as_ref(), entry).is_ok())

@@ -200,7 +200,7 @@ const HZ: &[ValueRange] = &[any("Hz", 0.01, 10_000.0)];
 const PAIR: &[ValueRange] = &[whole("a number", 63.0), whole("a number", 63.0)];
 
 /// Every kind with its name, classes and values, in the order of the variants.
-const KINDS: [(FaultKind, &str, &[&str], &[ValueRange]); 35] = [
+pub(super) const KINDS: [(FaultKind, &str, &[&str], &[ValueRange]); 35] = [
     (FaultKind::Freeze, "freeze", &["camera"], &[]),
     (FaultKind::Late, "late", &["camera", "accel"], &[whole("frames or samples", 60.0)]),
     (FaultKind::Drop, "drop", &["camera"], SHARE),

@@ -76,6 +76,9 @@ fn unknown_command(error: &Error) -> String {
     if found.ends_with(".json") {
         return format!("expected a command, found the file {found:?}; `upm run {found}` runs a job");
     }
+    if found == "lab" {
+        return "the lab is a program of its own: `cargo run -p upm-lab` lists its experiments".to_owned();
+    }
     let cli = Cli::command();
     let names = cli.get_subcommands().filter(|command| !command.is_hide_set()).map(clap::Command::get_name);
     let suggested = first(error, ContextKind::SuggestedSubcommand);

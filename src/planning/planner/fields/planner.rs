@@ -10,8 +10,8 @@ use super::rollout::{Rollout, RolloutDisc};
 use super::seeds::SeedLibrary;
 use super::separation::SeparationPenalty;
 use crate::cor_library::Library;
+use crate::planner::cache::Cache;
 use crate::planner::friction::friction_of;
-use crate::planner::kept::Kept;
 use crate::planner::{Corridor, FieldPulse, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Envelope, Follows};
@@ -84,7 +84,7 @@ struct FieldModel {
     friction: f64,
 }
 
-static COMPUTED: Kept<(Arc<Library>, PlannerParams), Option<Arc<FieldModel>>> = Kept::new();
+static COMPUTED: Cache<(Arc<Library>, PlannerParams), Option<Arc<FieldModel>>> = Cache::new();
 
 impl FieldModel {
     fn new((library, params): &(Arc<Library>, PlannerParams)) -> Option<Arc<Self>> {

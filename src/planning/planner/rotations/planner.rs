@@ -8,7 +8,7 @@ use super::refine::{Refined, corridor_excess};
 use super::rollout::SequenceRollout;
 use super::subgoals::Clearance;
 use crate::cor_library::Library;
-use crate::planner::kept::Kept;
+use crate::planner::cache::Cache;
 use crate::planner::types::largest_step_m;
 use crate::planner::{Corridor, Limit, PartState, Plan, PlanStatus, PlannedPulse, PlannerParams, Rotation};
 use upm_core::geometry::Vec2;
@@ -110,7 +110,7 @@ impl Sequence {
     }
 }
 
-static COMPUTED: Kept<(Arc<Library>, PlannerParams), MotionSet> = Kept::new();
+static COMPUTED: Cache<(Arc<Library>, PlannerParams), MotionSet> = Cache::new();
 
 impl RotationPlanner {
     /// A planner for one rig's library.

@@ -45,7 +45,7 @@ fn full_queue_refuses_jobs_and_runs_after_reset_and_resume() {
     assert_eq!(cancel().status, 409);
     let first = api.post(&format!("/v1/jobs/{}/run-next", ids[2]), "");
     assert_eq!((first.status, first.json()["turn"].as_i64()), (200, Some(-1)));
-    api.daemon.count_jobs();
+    api.daemon.count_jobs(None);
     assert_eq!(api.get("/v1/plates").json()["plates"][0]["queued"], 2);
     assert_eq!(api.post("/v1/plates/upm-1/resume", "").status, 200);
     for id in [&ids[0], &ids[2]] {
@@ -79,7 +79,7 @@ fn waiting_reset_undoes_no_later_stop_and_is_dropped_with_its_caller() {
 #[test]
 fn full_disk_takes_no_job() {
     let api = TestApi::with(|spec| spec.min_free_bytes = u64::MAX);
-    api.daemon.count();
+    api.daemon.count(true);
     assert_eq!(api.post("/v1/jobs", REST).status, 507);
 }
 

@@ -56,7 +56,7 @@ fn many_at_once_are_accepted_or_refused_and_none_is_lost() {
     assert_eq!((answers.len(), accepted.len()), (96, 60));
     assert!(store.all_jobs().iter().map(|row| row.id).eq(accepted));
     let counts = [("a".into(), JobState::Queued, 30), ("b".into(), JobState::Queued, 30)];
-    assert_eq!(store.counts().unwrap(), counts);
+    assert_eq!(store.counts(None).unwrap(), counts);
 }
 
 #[test]

@@ -17,7 +17,7 @@ const UNIT_DATA: &str = "/var/lib/upm";
 /// Configuration file assumed if the daemon was started without one.
 const USUAL_CONFIG: &str = "configs/daemon.json";
 
-/// Stops the plates through the socket; `None` if no daemon was reached, in which case the caller uses HTTP.
+/// Stops the plates through the socket; `None` if no daemon there has one of them, in which case the caller uses HTTP.
 pub(super) fn stop(args: &EstopArgs) -> Option<Vec<EStopped>> {
     let named = args.data.clone().or_else(|| Some(std::env::var_os("UPM_DATA")?.into()));
     let (folders, port) = match named {
@@ -31,7 +31,7 @@ pub(super) fn stop(args: &EstopArgs) -> Option<Vec<EStopped>> {
     folders.iter().find_map(|data| match stop_locally(data, &request) {
         Ok(answer) => {
             answer.error.iter().for_each(|error| tracing::debug!("{}: {error}", data.display()));
-            answer.error.is_none().then_some(answer.stops)
+            (!answer.stops.is_empty()).then_some(answer.stops)
         }
         Err(error) => {
             // a missing socket is reported only where it was asked for

@@ -7,7 +7,7 @@ use super::client::{Client, ClientRefusal, on_one_line, plate_path};
 use super::{jobs, local_stop};
 use crate::cli::args::Common;
 use crate::cli::client_args::{EstopArgs, PlateArgs, ResetArgs};
-use crate::cli::output::{Failure, NOT_REACHED, print, print_json};
+use crate::cli::output::{BAD_INPUT, Failure, NOT_REACHED, print, print_json};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_server::api::{EStopped, Plate, Plates, ResetRequest};
 use upm_server::daemon::LocalStopAnswer;
@@ -42,6 +42,12 @@ impl Stop {
         let (plate, status) = (answer.plate.clone(), status_of(&answer));
         Self { plate, answer: Some(answer), error: None, via, attempts: 1, wall_s, status }
     }
+
+    /// Result for a name that no plate of the daemon has.
+    fn unknown(name: &str, via: &'static str) -> Self {
+        let error = Some("there is no such plate".to_owned());
+        Self { plate: name.to_owned(), answer: None, error, via, attempts: 1, wall_s: 0.0, status: BAD_INPUT }
+    }
 }
 
 /// Exit status; 0 only if the motors are known to be silent and the stop is stored, so that it outlasts a restart.
@@ -55,7 +61,10 @@ pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
     let stops = match local.or_else(|| Some((stop_at_listener(args)?, "http"))) {
         Some((stops, via)) => {
             let wall_s = clock.elapsed().as_secs_f64();
-            stops.into_iter().map(|stop| Stop::of_one_request(stop, via, wall_s)).collect()
+            let is_unknown = |name: &&String| !stops.iter().any(|stop| stop.plate == **name);
+            let unknown: Vec<Stop> =
+                args.plates.iter().filter(is_unknown).map(|name| Stop::unknown(name, via)).collect();
+            stops.into_iter().map(|stop| Stop::of_one_request(stop, via, wall_s)).chain(unknown).collect()
         }
         None => {
             let client = Client::for_stop(&args.daemon)?;

@@ -22,6 +22,7 @@ pub(super) struct Column(pub String, pub Kind, pub String);
 
 /// A table of a run.
 #[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Table {
     /// Stem of the file name.
     pub name: String,
@@ -71,5 +72,17 @@ impl Column {
             (Kind::Whole, value) if value.as_i64().is_some() => Ok(value.clone()),
             (_, value) => Err(format!("{value} at {pointer}")),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_are_read_from_the_asset() {
+        let names: Vec<&str> = TABLES.iter().map(|table| table.name.as_str()).collect();
+        assert_eq!(names, ["positions", "targets", "pulses", "timings"]);
+        assert!(TABLES.iter().all(|table| !table.lines.is_empty() && !table.columns.is_empty()));
     }
 }
