@@ -86,7 +86,7 @@ def check_causes(checks, page, daemon):
     passing = {**SLOW_JOB, "name": "passing", "faults": [{**dark, "to_s": 2.5}]}
     lasting = {**SLOW_JOB, "name": "lasting", "faults": [dark]}
     one = card(page, "upm-2")
-    shown = one.locator(".conditions li")
+    shown = one.locator(".findings li")
     told = []
     page.on("response", lambda answer: told.append(answer) if answer.url.endswith("/v1/plates") else None)
     daemon.submit(passing)

@@ -38,7 +38,7 @@ export class PlateCard {
     this.legend = text('ul', 'legend', 'Kinds on');
     this.why = text('p', 'plate-why');
     this.remedy = text('p', 'remedy');
-    this.conditions = text('ul', 'conditions', 'Conditions on');
+    this.findings = text('ul', 'findings', 'Findings on');
     this.job = button('', () => this.open(this.plate.job), { class: 'link job-name' });
     this.phase = text('span', 'phase');
     this.bar = el('progress', { max: 1, 'aria-label': `Progress on ${name}` });
@@ -58,7 +58,7 @@ export class PlateCard {
     const drawing = el('div', { class: 'drawing' }, this.view.root, this.age, this.legend);
     const sights = el('div', { class: 'sights' }, drawing, this.camera.root);
     const says = [this.says, this.standing, this.facts];
-    const rest = [this.why, this.remedy, this.conditions, this.doing, this.reset.root, this.queue, this.actions, ...says];
+    const rest = [this.why, this.remedy, this.findings, this.doing, this.reset.root, this.queue, this.actions, ...says];
     this.root = el('article', { class: 'card panel', 'aria-label': `Plate ${name}` }, head, sights, ...rest);
   }
 
@@ -92,19 +92,19 @@ export class PlateCard {
   }
 
   /** Why the plate does nothing, what holds in its run, and what to do about either: all as the daemon has it. */
-  takeCauses({ why, state, pause, conditions = [] }) {
+  takeCauses({ why, state, pause, findings = [] }) {
     show(this.why, why !== '' && state !== 'running');
     setText(this.why, why);
     const remedy = pause && !pause.remedy_in_why ? pause.remedy : '';
     show(this.remedy, remedy !== '');
     setText(this.remedy, `What to do: ${remedy}`);
-    const text = JSON.stringify(conditions);
-    if (this.conditions.dataset.shown === text) return;
-    this.conditions.dataset.shown = text;
-    show(this.conditions, conditions.length > 0);
+    const text = JSON.stringify(findings);
+    if (this.findings.dataset.shown === text) return;
+    this.findings.dataset.shown = text;
+    show(this.findings, findings.length > 0);
     const line = ({ reason, remedy: todo }) => el('li', {}, el('strong', {}, reason), ' ', el('span', {}, todo));
-    this.conditions.replaceChildren(...conditions.map(line));
-    if (conditions.length) announce(`${this.name}: ${conditions.at(-1).reason}`);
+    this.findings.replaceChildren(...findings.map(line));
+    if (findings.length) announce(`${this.name}: ${findings.at(-1).reason}`);
   }
 
   /** The job that runs whenever nothing is queued. A run of it has no end to be measured against. */

@@ -6,8 +6,8 @@ use std::ops::ControlFlow::{Break, Continue};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use super::condition::{Condition, no_plan_reason};
-use super::conditions::Conditions;
+use super::findings::Findings;
+use super::found::{Found, finding_of_plan, no_plan_reason};
 use super::guards::{CoilResponses, MotionGuard, StepGuard};
 use super::params::ControlParams;
 use super::perception::{FramePurpose, Perception};
@@ -16,7 +16,7 @@ use super::pulse_planner::PulsePlanner;
 use super::run_end::{OrEnd, RunEnd, check_stop};
 use super::{CycleFacts, EventFacts, EventKind, EventLevel, RunIo};
 use upm_core::geometry::Vec2;
-use upm_core::job::{Outcome, StopCause};
+use upm_core::job::{Finding, Outcome};
 use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
@@ -64,7 +64,7 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
                 task,
                 params,
                 perception,
-                conditions: Conditions::default(),
+                findings: Findings::default(),
                 played: false,
                 wanted: None,
                 furthest: 0.0,
@@ -94,7 +94,7 @@ struct ControlCycle<'a, 'io> {
     params: &'a ControlParams,
     perception: Perception,
     planning: Planning<'a>,
-    conditions: Conditions,
+    findings: Findings,
     /// True when the last cycle had pulses and began a new sequence: the rest of a sequence may lead away before it
     /// leads near.
     played: bool,
@@ -128,8 +128,8 @@ impl ControlCycle<'_, '_> {
         };
         // a stopped run ends in the middle: its repetition goes on, and reports no end there
         if !ending.is_external() {
-            self.conditions.end_run(self.io.rig.now(), self.io.sink);
-            self.perception.conditions.end_run(self.io.rig.now(), self.io.sink);
+            self.findings.end_run(self.io.rig.now(), self.io.sink);
+            self.perception.findings.end_run(self.io.rig.now(), self.io.sink);
         }
         let lost = if self.is_part_lost() { self.perception.missing_parts() } else { Vec::new() };
         FinalState { ending, wanted: self.wanted.take(), measured_m: self.perception.positions_m(), lost }
@@ -160,10 +160,10 @@ impl ControlCycle<'_, '_> {
         self.warn_of_blocked(&wanted.blocked);
         if let Some(LateLap { lap, took_s, asked_s }) = wanted.late_lap {
             let reason = format!("lap {lap} took {took_s:.1} s of plate time, {asked_s:.1} s are asked");
-            self.warn(Condition::LapLate, reason);
+            self.warn(Finding::LapLate, reason);
         }
         self.check_limits()?;
-        if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has_code("no_progress") {
+        if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has(Finding::NoProgress) {
             return Break(self.planning.no_progress(&wanted, &observed));
         }
         let planning = self.io.clock.elapsed();
@@ -171,10 +171,10 @@ impl ControlCycle<'_, '_> {
         let plan_us = (self.io.clock.elapsed() - planning).as_secs_f64() * 1e6;
         if let Some((part, by_m)) = plan.corridor_excess {
             let reason = format!("{} leaves its corridor by {:.2} mm", self.params.id(part), mm_from_m(by_m));
-            self.warn(Condition::CorridorLeft { part }, reason);
+            self.warn(Found::about(Finding::CorridorLeft, part), reason);
         }
-        self.conditions.end_cycle(self.io.rig.now(), self.io.sink);
-        self.perception.conditions.end_cycle(self.io.rig.now(), self.io.sink);
+        self.findings.end_cycle(self.io.rig.now(), self.io.sink);
+        self.perception.findings.end_cycle(self.io.rig.now(), self.io.sink);
         self.played = !plan.pulses.is_empty() && !plan.continues;
 
         for (number, pulse) in (1..).zip(&plan.pulses) {
@@ -197,7 +197,7 @@ impl ControlCycle<'_, '_> {
             if self.io.rig.now() - *last_pulse_at > STALLED_S {
                 let blocking_part = self.planning.blocking_part(&wanted, &result);
                 let reason = format!("stalled: no pulse for {STALLED_S} s of plate time; {blocking_part}");
-                return Break(RunEnd::failed_because(StopCause::NoProgress, reason));
+                return Break(RunEnd::failed_because(Finding::NoProgress, reason));
             }
             return Continue(result);
         }
@@ -221,14 +221,14 @@ impl ControlCycle<'_, '_> {
     fn plan(&mut self, observed: &[Vec2], wanted: &Setpoints) -> OrEnd<Plan> {
         self.check_stop()?;
         let whole = self.planning.states(observed, wanted, |step_m| self.cautious(step_m));
-        let Self { planning, conditions, io, params, .. } = self;
+        let Self { planning, findings, io, params, .. } = self;
         planning.plan(self.index, wanted, &whole, |plan, is_part| {
-            if let Some(condition) = Condition::of_plan(&plan.status).filter(|_| !is_part) {
+            if let Some(finding) = finding_of_plan(&plan.status).filter(|_| !is_part) {
                 let reason = || {
                     let why = no_plan_reason(&plan.status, params.method, |part| params.id(part));
                     format!("steps are cut short or made one part at a time, because {why}")
                 };
-                conditions.note(io.rig.now(), condition, reason, io.sink);
+                findings.note(io.rig.now(), finding, reason, io.sink);
             }
             check_stop(io.stop)
         })
@@ -247,25 +247,30 @@ impl ControlCycle<'_, '_> {
     fn warn_of_blocked(&mut self, blocked: &[usize]) {
         for &part in blocked {
             let reason = format!("{} is blocked: no free path to its target", self.params.id(part));
-            self.warn(Condition::PartBlocked { part }, reason);
+            self.warn(Found::about(Finding::PartBlocked, part), reason);
         }
     }
 
     /// Notes each part that moves much less far than calibration predicts.
     fn warn_of_slow_parts(&mut self) {
         for part in 0..self.params.parts.len() {
-            let (condition, gain) = (Condition::PartSlow { part }, self.planning.gains.of_part(part));
-            let below = if self.conditions.holds(condition) { NOT_SLOW } else { SLOW };
+            let (slow, gain) = (Found::about(Finding::PartSlow, part), self.planning.gains.of_part(part));
+            let below = if self.findings.holds(slow) { NOT_SLOW } else { SLOW };
             if gain < below {
                 let reason =
                     format!("{} is slow: it goes {gain:.2} of the way measured in calibration", self.params.id(part));
-                self.warn(condition, reason);
+                self.warn(slow, reason);
             }
         }
     }
 
-    fn warn(&mut self, condition: Condition, reason: String) {
-        self.conditions.note(self.io.rig.now(), condition, || reason, self.io.sink);
+    fn warn(&mut self, found: impl Into<Found>, reason: String) {
+        self.findings.note(self.io.rig.now(), found, || reason, self.io.sink);
+    }
+
+    /// The end of the run that a finding causes.
+    fn end_by(&mut self, found: impl Into<Found>, reason: String) -> RunEnd {
+        self.findings.end_by(self.io.rig.now(), found, reason, self.io.sink)
     }
 
     fn check_stop(&self) -> OrEnd {

@@ -1,4 +1,4 @@
-use super::condition::{Condition, ConditionChange};
+use super::found::{FindingChange, Found};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_core::signal::{AccelTrace, Drive, Frame};
@@ -115,9 +115,9 @@ pub struct CycleFacts {
 pub struct EventFacts {
     /// Plate time of the event.
     pub at: PlateTime,
-    /// Severity; a warning for every condition.
+    /// Severity; a warning for every finding.
     pub level: EventLevel,
-    /// The event for people; for a condition the reason and a remedy at its beginning, the reason and the number of
+    /// The event for people; for a finding the reason and a remedy at its beginning, the reason and the number of
     /// cycles in which it held at its end.
     pub text: String,
     /// The event for programs.
@@ -129,12 +129,12 @@ pub struct EventFacts {
 pub enum EventKind {
     /// None: it is for people alone.
     Note,
-    /// A lasting condition of the run began or ended.
-    Condition {
-        /// Kind of the condition.
-        condition: Condition,
+    /// A lasting finding of the run began or ended.
+    Finding {
+        /// The finding, and what it is about.
+        found: Found,
         /// Begin or end.
-        change: ConditionChange,
+        change: FindingChange,
         /// The reason alone, for people.
         reason: String,
     },
@@ -193,6 +193,6 @@ pub trait Sink {
     fn pulse(&mut self, _facts: &PulseFacts) {}
     /// A cycle ended.
     fn cycle(&mut self, _facts: &CycleFacts) {}
-    /// An event: a lasting condition that began or ended, the end of the run or of its recording, a note.
+    /// An event: a lasting finding that began or ended, the end of the run or of its recording, a note.
     fn event(&mut self, _event: &EventFacts) {}
 }

@@ -3,10 +3,10 @@
 //! Neither this crate nor anything it imports can reach ground truth: its only inputs are frames and traces.
 
 pub mod calibration;
-mod condition;
-mod conditions;
 mod cycle;
 mod facts;
+mod findings;
+mod found;
 mod gain_estimator;
 mod guards;
 mod params;
@@ -17,12 +17,12 @@ mod pulse_planner;
 mod run_end;
 mod run_io;
 
-pub use condition::{Condition, ConditionChange};
 pub use cycle::{FinalState, run};
 pub use facts::{
     ConfirmedFacts, CycleFacts, EventFacts, EventKind, EventLevel, FrameFacts, LocalisedFacts, PulseFacts,
     PulsePositions, Sink,
 };
+pub use found::{FindingChange, Found};
 pub use guards::Guards;
 pub use params::ControlParams;
 pub use perception::ExpectedPart;

@@ -11,12 +11,12 @@ use self::first_observation::find_table;
 use self::naming::name_parts;
 use self::scene::{SceneMonitor, UnusableFrame};
 use self::settling::{PlateInImage, SWING_S};
-use super::condition::Condition;
-use super::conditions::Conditions;
+use super::findings::Findings;
 use super::guards::{DelayGuard, Guards, StillnessGuard};
 use super::run_end::{OrEnd, RunEnd, flow};
 use super::{FrameFacts, LocalisedFacts, RunIo, Sink};
 use upm_core::geometry::{Lens, Vec2};
+use upm_core::job::Finding;
 use upm_core::rig::{PartKind, Rig};
 use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
@@ -91,7 +91,7 @@ pub struct Perception {
     expected_m: Vec<(Vec2, f64)>,
     pub(crate) delay: DelayGuard,
     stillness: StillnessGuard,
-    pub(crate) conditions: Conditions,
+    pub(crate) findings: Findings,
 }
 
 impl Perception {
@@ -104,7 +104,7 @@ impl Perception {
         let (table, started) = find_table(io, &mut frame, &guards)?;
         let mut finder = CoinFinder::new(&table, model.frame_size_px, kinds, model.dark_parts);
         let found = finder.find(&frame);
-        let detections = name_parts(found, kinds, parts, guards.has_code("part_count"))?;
+        let detections = name_parts(found, kinds, parts, guards.has(Finding::PartCount))?;
         let localise_us = (io.clock.elapsed() - started).as_secs_f64() * 1e6;
         io.sink.localised(&LocalisedFacts { frame: &frame, table: &table, detections: &detections, localise_us });
         let expected_m = detections.iter().map(|detection| (detection.position_m, REACH_M)).collect();
@@ -137,7 +137,7 @@ impl Perception {
             expected_m,
             delay: DelayGuard::new(model.frame_hz),
             stillness: StillnessGuard::default(),
-            conditions: Conditions::default(),
+            findings: Findings::default(),
         })
     }
 
@@ -202,12 +202,12 @@ impl Perception {
     /// The view and the plate's place in a frame at rest.
     fn examine(&mut self) -> (Option<UnusableFrame>, PlateInImage) {
         let seen = self.scene.examine(&self.frame, self.tracker.tracks());
-        let blind = seen.blind.filter(|blind| self.guards.has(blind.condition()));
+        let blind = seen.blind.filter(|blind| self.guards.has(blind.finding()));
         // while a part is missing, an object on the plate may be that part
         let is_foreign =
-            seen.foreign_m.is_some() && self.frames_missing() == 0 && self.guards.has(Condition::ForeignPart);
+            seen.foreign_m.is_some() && self.frames_missing() == 0 && self.guards.has(Finding::ForeignPart);
         self.foreign = if is_foreign && blind.is_none() { self.foreign + 1 } else { 0 };
-        let place = if self.guards.has(Condition::CameraMoved) { seen.place } else { PlateInImage::Same };
+        let place = if self.guards.has(Finding::CameraMoved) { seen.place } else { PlateInImage::Same };
         (blind, place)
     }
 
@@ -228,11 +228,11 @@ impl Perception {
         let for_s = now.secs_since(since);
         if for_s + 1e-9 >= self.blind_after_s {
             self.stop_motors(io.rig);
-            self.conditions.note(now, why.condition(), || why.reason(), io.sink);
+            self.findings.note(now, why.finding(), || why.reason(), io.sink);
         }
         if for_s > why.longest_s() {
             let reason = format!("{} for {for_s:.1} s", why.reason());
-            return Break(RunEnd::guarded(why.condition(), reason));
+            return Break(RunEnd::failed_because(why.finding(), reason));
         }
         Continue(())
     }
@@ -244,8 +244,7 @@ impl Perception {
                 let at_mm = at_m * 1e3;
                 let reason =
                     format!("something that is no part of the job lies at ({:.0}, {:.0}) mm", at_mm.x, at_mm.y);
-                self.conditions.note(at, Condition::ForeignPart, || reason.clone(), sink);
-                Break(RunEnd::guarded(Condition::ForeignPart, reason))
+                Break(self.findings.end_by(at, Finding::ForeignPart, reason, sink))
             }
             None => Continue(()),
         }
@@ -253,7 +252,7 @@ impl Perception {
 
     /// Ends the current pulse, if any; the plate swings on for a while.
     pub fn stop_motors(&mut self, rig: &mut dyn Rig) {
-        if rig.settled_at() > rig.now() && !self.motors_stopped && self.guards.has_code("silence") {
+        if rig.settled_at() > rig.now() && !self.motors_stopped {
             rig.stop();
             self.motors_stopped = true;
             (self.still_from, self.still_by) = (rig.now() + SWING_S, rig.now() + LONGEST_SWING_S);
@@ -262,7 +261,7 @@ impl Perception {
 
     /// True when the last pulse was silenced or the table located anew: pulses planned before no longer apply.
     pub fn invalidates_plan(&self) -> bool {
-        (self.motors_stopped || self.relocated) && self.guards.has_code("stale_plan")
+        self.motors_stopped || self.relocated
     }
 
     /// Last seen positions of the parts, m, in the order of the job.

@@ -2,14 +2,14 @@
 
 use std::ops::ControlFlow::{Break, Continue};
 
-use super::condition::no_plan_reason;
+use super::found::no_plan_reason;
 use super::gain_estimator::GainEstimator;
 use super::params::ControlParams;
 use super::progress::ProgressWatch;
 use super::pulse_planner::PulsePlanner;
 use super::run_end::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
-use upm_core::job::StopCause;
+use upm_core::job::Finding;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::{Corridor, Independence, PartState, Plan, PlanStatus, PlannedPulse, PlanningMethod};
 use upm_planning::task::{PathStretch, Setpoints};
@@ -83,7 +83,7 @@ impl<'a> Planning<'a> {
         let seen_m: Vec<Vec2> = whole.iter().map(|part| part.position_m).collect();
         let blocking_part = self.blocking_part(wanted, &seen_m);
         let reason = format!("no feasible step in cycle {cycle}, {}: {stopped_by}; {blocking_part}", wanted.phase);
-        Break(RunEnd::failed_because(StopCause::NoFeasibleStep, reason))
+        Break(RunEnd::failed_because(Finding::NoFeasibleStep, reason))
     }
 
     /// Forecast positions after `pulse`, m, of parts at `before_m`, each with the gain that `gain` gives it there.
@@ -127,7 +127,7 @@ impl<'a> Planning<'a> {
              best joint motion, at least {LEAST_SHARE:.0e} is needed; calibrate again, take another planner or move fewer \
              parts"
         );
-        Break(RunEnd::failed_because(StopCause::Uncontrollable, reason))
+        Break(RunEnd::failed_because(Finding::Uncontrollable, reason))
     }
 
     /// The ending of a run that makes no progress.

@@ -1,9 +1,9 @@
 //! Net progress of a run: a run whose pulses bring no part nearer ends instead of going on to its time limit.
 
-use super::condition::no_plan_reason;
+use super::found::no_plan_reason;
 use super::run_end::RunEnd;
 use upm_core::geometry::Vec2;
-use upm_core::job::StopCause;
+use upm_core::job::Finding;
 use upm_planning::planner::{Limit, PlanStatus, PlanningMethod};
 use upm_planning::task::Setpoints;
 
@@ -167,7 +167,7 @@ impl ProgressWatch {
         let limit = self.limit.map(|limit| no_plan_reason(&PlanStatus::Infeasible(limit), method, id));
         let limit = limit.map(|limit| format!("; plans were cut short because {limit}")).unwrap_or_default();
         let reason = format!("no progress: less than {percent:.0} % nearer in {cycles} plans; {blocking_part}{limit}");
-        RunEnd::failed_because(StopCause::NoProgress, reason)
+        RunEnd::failed_because(Finding::NoProgress, reason)
     }
 
     /// For people: the part that hinders progress, its distance from its place and the direction.
@@ -343,7 +343,7 @@ mod tests {
         let ended = (0..FUTILE_CYCLES).filter(|_| watch.observe(&wanted, &seen_m, true)).count();
         assert_eq!(ended, 1, "in the last cycle");
         let ending = watch.ending(&wanted, &seen_m, PlanningMethod::CorSequence, |part| ["a", "b"][part]);
-        assert_eq!(ending.cause, Some(StopCause::NoProgress));
+        assert_eq!(ending.cause, Some(Finding::NoProgress.into()));
         let parts =
             ["less than 1 % nearer in 20 plans", "b is 3.00 mm", "towards 90 deg", "b would cross the edge margin"];
         assert!(parts.iter().all(|part| ending.reason.contains(part)), "{}", ending.reason);

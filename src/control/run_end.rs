@@ -1,8 +1,7 @@
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::condition::Condition;
-use upm_core::job::{Outcome, StopCause};
+use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
 use upm_core::rig::{RigFault, Trip};
 
 /// A value to go on with, or the ending of the run.
@@ -31,34 +30,31 @@ impl RunEnd {
     }
 
     /// The goal is out of reach for a cause with a code; `reason` is followed by the remedy.
-    pub fn failed_because(cause: StopCause, reason: impl std::fmt::Display) -> Self {
+    pub fn failed_because(cause: impl Into<StopCause>, reason: impl std::fmt::Display) -> Self {
+        let cause = cause.into();
         let reason = cause.remedy().map_or_else(|| reason.to_string(), |remedy| format!("{reason}; {remedy}"));
         Self { cause: Some(cause), ..Self::failed(reason) }
     }
 
-    /// A guard ends the run.
-    pub(super) fn guarded(condition: Condition, reason: impl std::fmt::Display) -> Self {
-        match condition.stop_cause() {
-            Some(cause) => Self::failed_because(cause, reason),
-            None => Self::failed(format!("{reason}; {}", condition.remedy())),
-        }
-    }
-
     /// Stopped from outside.
-    pub fn cancelled(cause: StopCause, reason: impl Into<String>) -> Self {
-        Self { outcome: Outcome::Cancelled, cause: Some(cause), reason: reason.into() }
+    pub fn cancelled(cause: impl Into<StopCause>, reason: impl Into<String>) -> Self {
+        Self { outcome: Outcome::Cancelled, cause: Some(cause.into()), reason: reason.into() }
     }
 
     /// The flag that ends a run was set.
     pub fn stopped() -> Self {
-        Self::cancelled(StopCause::Stopped, "stopped from outside, motors at zero")
+        Self::cancelled(StopRequest::Stopped, "stopped from outside, motors at zero")
     }
 
     /// Ended between two cycles to make room for another run. A task without an end that makes progress is `completed`
     /// then; any other has not reached its goal.
     pub fn gave_way(completed: bool) -> Self {
         let outcome = if completed { Outcome::Completed } else { Outcome::Cancelled };
-        Self { outcome, cause: Some(StopCause::GaveWay), reason: "gave way to another job".to_owned() }
+        Self {
+            outcome,
+            cause: Some(StopCause::Asked(StopRequest::GaveWay)),
+            reason: "gave way to another job".to_owned(),
+        }
     }
 
     /// True when the run was ended from outside.
@@ -71,9 +67,9 @@ impl From<RigFault> for RunEnd {
     fn from(fault: RigFault) -> Self {
         let reason = format!("the rig stopped: {fault}");
         match fault {
-            RigFault::Stopped(trip @ (Trip::EStop | Trip::Shutdown)) => Self::cancelled(trip.into(), reason),
+            RigFault::Stopped(trip @ (Trip::EStop | Trip::Shutdown)) => Self::cancelled(trip, reason),
             RigFault::Stopped(trip) => Self { cause: Some(trip.into()), ..Self::failed(reason) },
-            _ => Self::failed_because(StopCause::DeviceFault, reason),
+            _ => Self::failed_because(Finding::DeviceFault, reason),
         }
     }
 }

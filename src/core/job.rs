@@ -1,5 +1,6 @@
 //! Vocabulary of runs that all crates share: outcomes, causes, recordings, pace, layout and the motion of the plate.
 
+mod finding;
 mod stop_cause;
 
 use schemars::JsonSchema;
@@ -9,7 +10,8 @@ use crate::coded_enum;
 use crate::geometry::Vec2;
 use crate::units::{mm, mm_point, mm_points};
 
-pub use stop_cause::StopCause;
+pub use finding::{Effect, Finding};
+pub use stop_cause::{StopCause, StopRequest};
 
 coded_enum! {
     /// How a run ended. A lost coin or a missing table is an outcome, not an error.

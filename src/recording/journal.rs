@@ -103,7 +103,8 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use upm_control::{Condition, ConditionChange, EventKind, EventLevel};
+    use upm_control::{EventKind, EventLevel, FindingChange, Found};
+    use upm_core::job::Finding;
     use upm_core::time::PlateTime;
     use upm_fixtures::{rig, synthetic_run};
 
@@ -159,14 +160,14 @@ mod tests {
     #[test]
     fn conditions_are_events_with_a_code() {
         let text = written(|journal| {
-            let condition = Condition::PartSlow { part: 1 };
+            let found = Found { finding: Finding::PartSlow, about: Some(1) };
             let (at, reason) = (PlateTime::from_secs(2.0), "slow");
             let event = |change, text: &str| {
-                let kind = EventKind::Condition { condition, change, reason: reason.to_owned() };
+                let kind = EventKind::Finding { found, change, reason: reason.to_owned() };
                 EventFacts { kind, ..EventFacts::note(at, EventLevel::Warning, text) }
             };
-            journal.event(&event(ConditionChange::Began, "slow"));
-            journal.event(&event(ConditionChange::Ended { times: 3, lasted_s: 1.5 }, "no longer"));
+            journal.event(&event(FindingChange::Began, "slow"));
+            journal.event(&event(FindingChange::Ended { times: 3, lasted_s: 1.5 }, "no longer"));
         });
         let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         let began = json!({

@@ -2,9 +2,10 @@ use super::lengths::{Lengths, rounded};
 use super::path_stats::PathStats;
 use super::report::{CycleError, GuardReport, PredictionError, Report};
 use super::timings::Timings;
-use upm_control::{ConditionChange, CycleFacts, EventFacts, EventKind, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{CycleFacts, EventFacts, EventKind, FindingChange, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
+use upm_core::job::Effect;
 use upm_core::time::PlateTime;
 use upm_core::units::m_from_mm;
 use upm_planning::task::Setpoints;
@@ -118,9 +119,9 @@ impl Sink for RunStats {
     }
 
     fn event(&mut self, event: &EventFacts) {
-        let EventKind::Condition { condition, change: ConditionChange::Began, .. } = event.kind else { return };
-        if condition.is_guard() && self.guards.len() < MOST_GUARDS {
-            let code = condition.code().to_owned();
+        let EventKind::Finding { found, change: FindingChange::Began, .. } = event.kind else { return };
+        if found.finding.effect() != Effect::GoesOn && self.guards.len() < MOST_GUARDS {
+            let code = found.finding.code().to_owned();
             self.guards.push(GuardReport { code, at_s: rounded(event.at.secs()), text: event.text.clone() });
         }
     }

@@ -1,11 +1,11 @@
 //! States of jobs, recordings, plates and standing jobs, as stored in the database and as sent over the network, with
-//! the causes of pauses and the conditions of runs.
+//! the causes of pauses and the findings of runs.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use upm_core::coded_enum;
-use upm_core::job::{Outcome, StopCause};
+use upm_core::job::{Outcome, StopCause, StopRequest};
 
 coded_enum! {
     /// Stage of a job between submission and end; all but `queued` and `running` are final.
@@ -34,7 +34,10 @@ impl JobState {
             (Outcome::Completed, _) => Self::Completed,
             (Outcome::Failed, _) => Self::Failed,
             // the daemon's own stops: the end of this run was not requested
-            (Outcome::Cancelled, None | Some(StopCause::Stopped | StopCause::Shutdown)) => Self::Interrupted,
+            (
+                Outcome::Cancelled,
+                None | Some(StopCause::Asked(StopRequest::Stopped) | StopCause::Asked(StopRequest::Shutdown)),
+            ) => Self::Interrupted,
             (Outcome::Cancelled, Some(stop)) if stop.is_by_watchdog() => Self::Failed,
             (Outcome::Cancelled, Some(_)) => Self::Cancelled,
         }
@@ -138,12 +141,12 @@ impl PauseCause {
     }
 }
 
-/// A lasting condition of the run on a plate that an operator should know of.
+/// A lasting finding of the run on a plate that an operator should know of.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct PlateCondition {
+pub struct PlateFinding {
     /// Stable code for programs.
     pub code: String,
-    /// The condition in words.
+    /// The finding in words.
     pub reason: String,
     /// The operator's checks or changes.
     pub remedy: String,

@@ -18,7 +18,7 @@ NAMED_WITHIN_S = 0.5
 MOST_RSS_MB = 200.0
 # a run may wait so long for a hand to go
 OVER_LIMIT_S = 12.0
-# conditions that are told once when they begin, and may end the run much later
+# findings that are told once when they begin, and may end the run much later
 TOLD_FIRST = ("coil_fault", "motion_off", "accelerometer_fault", "camera_moved", *actuators.BLIND_CODES)
 STATUS_OF = {"completed": 0, "failed": 1, "cancelled": 130}
 

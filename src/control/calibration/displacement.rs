@@ -9,6 +9,7 @@ use super::super::run_end::into_result;
 use super::steering::SteeringMotion;
 use super::{CalibrationFault, CalibrationParams, CalibrationSession};
 use upm_core::geometry::{Twist, Vec2};
+use upm_core::job::Finding;
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::{DisplacementModel, Entry, Library};
 
@@ -56,7 +57,7 @@ pub(super) fn measure(
     library: &Library,
     params: &CalibrationParams,
 ) -> Result<DisplacementModel, CalibrationFault> {
-    let guards = Guards::without("parts_jumped");
+    let guards = Guards { without: Some(Finding::PartsJumped) };
     let opened = Perception::open(&mut session.io(&mut SilentSink), &params.kinds, &params.coins, guards);
     let mut perception = into_result(opened)?;
     let (sustain_s, opening) = choose_sustains(session, &mut perception, library, params)?;

@@ -3,10 +3,9 @@
 use std::ops::ControlFlow::{Break, Continue};
 
 use super::ControlCycle;
-use crate::condition::Condition;
 use crate::run_end::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
-use upm_core::job::StopCause;
+use upm_core::job::Finding;
 
 /// How often the goal may seem reached without a second observation confirming it.
 const MOST_UNCONFIRMED: u32 = 5;
@@ -15,21 +14,21 @@ impl ControlCycle<'_, '_> {
     pub(super) fn check_limits(&mut self) -> OrEnd {
         self.check_stop()?;
         let limit_s = self.params.time_limit_s;
-        if self.io.rig.now().secs() >= limit_s && self.params.guards.has_code("time_limit") {
+        if self.io.rig.now().secs() >= limit_s && self.params.guards.has(Finding::TimeLimit) {
             let reason = format!("plate time limit of {limit_s} s reached");
             return Break(if !self.params.endless {
-                RunEnd::failed_because(StopCause::TimeLimit, reason)
+                RunEnd::failed_because(Finding::TimeLimit, reason)
             } else if self.makes_progress() {
                 self.confirmed(RunEnd::completed(reason))
             } else {
-                RunEnd::failed_because(StopCause::NoProgress, format!("{reason} without progress"))
+                RunEnd::failed_because(Finding::NoProgress, format!("{reason} without progress"))
             });
         }
         Continue(())
     }
 
     pub(super) fn makes_progress(&self) -> bool {
-        self.planning.watch.makes_progress() || !self.params.guards.has_code("endless_progress")
+        self.planning.watch.makes_progress() || !self.params.guards.has(Finding::NoProgress)
     }
 
     /// Returns `ending` of a task without an end if two more observations, with the table located anew, agree with the
@@ -37,8 +36,8 @@ impl ControlCycle<'_, '_> {
     fn confirmed(&mut self, ending: RunEnd) -> RunEnd {
         match self.observations_agree() {
             Continue(true) => ending,
-            Continue(false) => RunEnd::guarded(
-                Condition::CameraMoved,
+            Continue(false) => RunEnd::failed_because(
+                Finding::CameraMoved,
                 format!("{}, and the confirming observations disagreed with what was tracked", ending.reason),
             ),
             Break(other) => other,
@@ -46,8 +45,7 @@ impl ControlCycle<'_, '_> {
     }
 
     fn observations_agree(&mut self) -> OrEnd<bool> {
-        let confirms = self.params.guards.has_code("two_looks");
-        Continue(!confirms || self.perception.confirm(self.io)?)
+        self.perception.confirm(self.io)
     }
 
     /// Ends the run as completed if two more observations, with the table located anew, confirm the goal; otherwise the
@@ -65,7 +63,7 @@ impl ControlCycle<'_, '_> {
         if self.unconfirmed > MOST_UNCONFIRMED {
             let reason =
                 format!("the goal was reached {MOST_UNCONFIRMED} times, but the confirming observations disagreed");
-            return Break(RunEnd::guarded(Condition::CameraMoved, reason));
+            return Break(RunEnd::failed_because(Finding::CameraMoved, reason));
         }
         self.observe_at_rest()
     }
@@ -75,7 +73,7 @@ impl ControlCycle<'_, '_> {
     }
 
     pub(super) fn check_lost(&self) -> OrEnd {
-        if self.is_part_lost() && self.params.guards.has_code("part_lost") { Break(self.lost()) } else { Continue(()) }
+        if self.is_part_lost() && self.params.guards.has(Finding::PartLost) { Break(self.lost()) } else { Continue(()) }
     }
 
     fn lost(&self) -> RunEnd {
@@ -85,6 +83,6 @@ impl ControlCycle<'_, '_> {
             let place = places.get(part).copied().unwrap_or_default() * 1e3;
             format!("{id} is lost, last seen at ({:.1}, {:.1}) mm", place.x, place.y)
         });
-        RunEnd::failed_because(StopCause::PartLost, each.collect::<Vec<_>>().join("; "))
+        RunEnd::failed_because(Finding::PartLost, each.collect::<Vec<_>>().join("; "))
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow::{Break, Continue};
 
 use super::ControlCycle;
-use crate::condition::Condition;
+use crate::found::Found;
 use crate::gain_estimator::{ForecastDeviation, MORE, PulseObservation};
 use crate::guards::{
     MotionFinding, PictureLag, PlateSwing, PulseOutcome, PulseReading, StepDeviation, SwingVerdict, went,
@@ -12,7 +12,7 @@ use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
-use upm_core::job::StopCause;
+use upm_core::job::{Finding, StopCause};
 use upm_core::signal::{AccelTrace, Drive, TwistWave};
 use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
 use upm_planning::cor_library::Library;
@@ -53,7 +53,7 @@ impl ControlCycle<'_, '_> {
         let PulseFacts { planned, drive, fit, positions, .. } = &facts;
         if let Break(ending) = followed {
             // a plate that did not move as planned explains parts at unexpected places
-            let is_doubt = ending.cause == Some(StopCause::PartsJumped);
+            let is_doubt = ending.cause == Some(StopCause::Found(Finding::PartsJumped));
             let reading = self.reading(fit, &sensors, None);
             let cause = if is_doubt { self.check_motion(planned, drive, &reading).break_value() } else { None };
             return Break(cause.unwrap_or(ending));
@@ -101,22 +101,20 @@ impl ControlCycle<'_, '_> {
         sensors: &AccelerometerPair,
         steps: Option<(&[Vec2], &[Vec2], &[Vec2])>,
     ) -> OrEnd {
-        let guards = &self.params.guards;
         let went = steps.and_then(|(before, forecast, after)| went(before, forecast, after));
         let is_as_planned = self.check_motion(planned, drive, &self.reading(fit, sensors, went))?;
         self.check_picture_delay(is_as_planned)?;
         let Some((before, forecast, after)) = steps else { return Continue(()) };
         let Some((part, unlike)) = self.steps.check(before, forecast, after) else { return Continue(()) };
-        let (condition, does) = match unlike {
-            StepDeviation::Stuck => (Condition::PartStuck { part }, "hardly moves"),
-            StepDeviation::Astray => (Condition::PartAstray { part }, "goes the other way"),
+        let (finding, does) = match unlike {
+            StepDeviation::Stuck => (Finding::PartStuck, "hardly moves"),
+            StepDeviation::Astray => (Finding::PartAstray, "goes the other way"),
         };
-        if !guards.has(condition) {
+        if !self.params.guards.has(finding) {
             return Continue(());
         }
         let reason = format!("{} {does} although four pulses in a row should carry it", self.params.id(part));
-        self.warn(condition, reason.clone());
-        Break(RunEnd::guarded(condition, reason))
+        Break(self.end_by(Found::about(finding, part), reason))
     }
 
     /// Compares the plate's motion in a pulse with its plan; true where it moved as planned.
@@ -143,13 +141,12 @@ impl ControlCycle<'_, '_> {
 
     /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved about as planned.
     pub(super) fn report(&mut self, found: Option<MotionFinding>) -> OrEnd<bool> {
-        let Some(MotionFinding { condition, reason, ends }) = found else { return Continue(true) };
-        if self.params.guards.has(condition) {
+        let Some(MotionFinding { found, reason, ends }) = found else { return Continue(true) };
+        if self.params.guards.has(found.finding) {
             if ends {
-                self.warn(condition, reason.clone());
-                return Break(RunEnd::guarded(condition, reason));
+                return Break(self.end_by(found, reason));
             }
-            self.warn(condition, reason);
+            self.warn(found, reason);
             if !self.is_cautious {
                 let text = "steps are shorter from now on: coils or accelerometers are in doubt";
                 self.io.sink.event(&EventFacts::note(self.io.rig.now(), EventLevel::Warning, text));
@@ -169,8 +166,7 @@ impl ControlCycle<'_, '_> {
             }
             PictureLag::Unseen => "the pictures do not show the plate move as it is driven".to_owned(),
         };
-        self.warn(Condition::CameraLate, reason.clone());
-        Break(RunEnd::guarded(Condition::CameraLate, reason))
+        Break(self.end_by(Finding::CameraLate, reason))
     }
 
     pub(super) fn sensors(&self) -> AccelerometerPair {

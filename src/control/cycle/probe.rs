@@ -5,10 +5,10 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use super::ControlCycle;
 use crate::PulseFacts;
-use crate::condition::Condition;
 use crate::guards::MotionFinding;
 use crate::perception::FramePurpose;
-use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
+use crate::run_end::{OrEnd, flow, is_stopped};
+use upm_core::job::Finding;
 use upm_core::signal::Follows;
 use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave};
 use upm_planning::planner::{FieldPulse, PlannedPulse};
@@ -19,8 +19,7 @@ const MOST_PROBES: usize = 3;
 impl ControlCycle<'_, '_> {
     /// Plays the probe, if the library has one, until one is tracked to its end, and judges it.
     pub(super) fn probe(&mut self) -> OrEnd {
-        let probe = self.library.probe().filter(|_| self.params.guards.has_code("probe"));
-        let Some((mut drive, coils)) = probe else { return Continue(()) };
+        let Some((mut drive, coils)) = self.library.probe() else { return Continue(()) };
         drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.io.model.max_sustain_s);
         let expected = ExpectedMotion { drive: &drive, coils: &coils };
         for _ in 0..MOST_PROBES {
@@ -30,7 +29,7 @@ impl ControlCycle<'_, '_> {
             }
             if !self.perception.motors_stopped {
                 // the camera's view of the swing is lost; the readings of coils and channels are not
-                let found = self.read_probe(&expected, &fit).filter(|found| found.condition != Condition::MotionOff);
+                let found = self.read_probe(&expected, &fit).filter(|found| found.found.finding != Finding::MotionOff);
                 self.report(found)?;
             }
             self.observe_at_rest()?;
@@ -75,10 +74,9 @@ impl ControlCycle<'_, '_> {
     fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> OrEnd {
         let found = self.read_probe(expected, fit);
         let is_as_planned = self.report(found)?;
-        if is_as_planned && !self.perception.has_changed() && self.params.guards.has_code("camera_still") {
+        if is_as_planned && !self.perception.has_changed() && self.params.guards.has(Finding::CameraFrozen) {
             let reason = "no picture differs from the first, and the plate was shaken".to_owned();
-            self.warn(Condition::CameraFrozen, reason.clone());
-            return Break(RunEnd::guarded(Condition::CameraFrozen, reason));
+            return Break(self.end_by(Finding::CameraFrozen, reason));
         }
         self.check_picture_delay(is_as_planned)
     }

@@ -5,67 +5,33 @@ use upm_core::signal::{Envelope, TwistWave};
 
 /// Longest delay considered, frames.
 const LONGEST: usize = 30;
-/// Delay from which on pictures are late, frames.
+/// Delay from which on pictures are late, frames: exposure and transfer take up to one.
 const LATE: usize = 2;
-/// Number of consecutive pulses that must be late.
-const IN_A_ROW: u32 = 2;
-/// Largest number of frames judged together, besides those that may be late.
-const WINDOW: usize = 48;
-/// Least planned swing of the plate in these frames, root of the sum of squares, px; for a weak pulse the window
-/// includes frames before it.
+/// Largest number of frames judged in a pulse: the longest pulse has fewer.
+const WINDOW: usize = 64;
+/// Larger displacements are clamped to this, px: the sides are followed no farther.
+const FARTHEST_PX: f64 = 6.0;
+/// Standard deviation of a corner's displacement by the picture's noise, px.
+const NOISE_PX: f64 = 0.05;
+/// Standard deviation of the swing that calibration predicts, as a share of its root mean square.
+const MODEL_ERROR: f64 = 0.1;
+/// Gains of the swing that count as planned: a weak coil changes its height, not its time.
+const GAINS: (f64, f64) = (0.6, 1.7);
+/// Log-likelihood ratio, summed over pulses, at which pictures are late. By Wald's bound healthy pulses exceed `h` once
+/// in `exp(h)` for each delay: 29 delays in 1,000 h with three pulses a second are 3e8 chances.
+const CERTAIN: f64 = 19.5;
+/// The same for one pulse that casts doubt: one in a hundred.
+const DOUBTFUL: f64 = 4.6;
+/// Least planned swing that shows its height, root of the sum of squares, px.
 const LEAST_SWING_PX: f64 = 0.6;
-/// Residual without a delay, as a share of the squares, below which frames are in time.
-const IN_TIME: f64 = 0.1;
-/// The same after fitting the swing at its best height: a plate that swings less or more than planned, in time.
-const IN_TIME_AT_ANY_HEIGHT: f64 = 0.02;
-/// Largest residual with a delay, relative to the residual without one, for the delay to count.
-const BETTER: f64 = 0.35;
-/// Largest residual with a delay, as a share of the observed squares.
-const LEFT: f64 = 0.15;
-/// Share of the squares by which a delay may be worse than the best one and still explain the frames; the shortest is
-/// taken.
-const ALIKE: f64 = 0.02;
-/// The same for comparing two pulses: a delay that explains both is that of the camera.
-const AGREES: f64 = 0.06;
-/// Residual without a delay, as a share of the squares, above which frames neither confirm nor refute that they are in
-/// time.
-const UNCLEAR: f64 = 0.2;
-/// One pulse suffices where the residual with the delay is below the second share of the squares and the one without is
-/// above the first.
-const SURE_UNDELAYED: f64 = 0.5;
-const SURE_LEFT: f64 = 0.05;
-/// A plate that shows less than this share of the planned squares is still in the frames.
-const STILL: f64 = 0.03;
-/// Residual, as a share of the squares, from which on frames contradict the drive when no delay explains them, and the
-/// least swing for that, px. Quick pulses that beat with the suspension leave up to 0.45.
-const UNLIKE: f64 = 0.47;
-const UNLIKE_SWING_PX: f64 = 1.0;
 /// Largest residual, as a share of the squares, of frames that show the planned swing: a swing larger by a fifth leaves
 /// this much.
 const AS_DRIVEN: f64 = 0.04;
 /// Residual from which on they show another swing: one larger or smaller by half leaves this much.
 const OTHERWISE: f64 = 0.25;
-/// A plate displaced by more than this factor times the drive's displacement plus so many pixels was pushed by
-/// something else.
-const PUSHED: f64 = 1.3;
-const PUSHED_PX: f64 = 0.3;
-/// Largest residual, as a share of the squares, of frames that show the expected swing up to its height, and the
-/// residual without a delay.
-const ALIKE_IN_SHAPE: MotionShape = MotionShape { left: 0.1, undelayed: 0.4 };
-/// The same for a swing of another shape, as of a stuttering coil: one whose pictures are in time leaves up to 0.35.
-const ROUGHLY_ALIKE: MotionShape = MotionShape { left: 0.3, undelayed: 0.6 };
-/// Larger displacements are clamped to this, px.
-const FARTHEST_PX: f64 = 6.0;
 
-/// Limits for the comparison of swings in shape alone: the largest residual with a delay and the least without one.
-#[derive(Clone, Copy, Debug)]
-struct MotionShape {
-    left: f64,
-    undelayed: f64,
-}
-
-/// Measures the delay of the pictures from the displacement of the plate's corners in each frame, compared with the
-/// planned one.
+/// Measures the delay of the pictures from the displacement of the plate's corners in each frame: a sequential test of
+/// the planned swing, shown in time, against the same swing shown later or not at all.
 #[derive(Clone, Debug)]
 pub struct DelayGuard {
     frame_s: f64,
@@ -75,9 +41,11 @@ pub struct DelayGuard {
     newest: u64,
     /// The last two pulses with the time of their beginning, s of plate time.
     pulses: VecDeque<(f64, PlateSwing)>,
-    /// Delays that explain the last late pulse, and the number of consecutive late pulses.
-    last: Delays,
-    late: u32,
+    /// For each delay the evidence for it, a log-likelihood ratio that does not fall below zero (CUSUM; Page,
+    /// Biometrika 41, 1954). The first two entries, pictures in time, stay zero.
+    late: [f64; LONGEST + 1],
+    /// The same for pictures that show another motion than the drive's.
+    unseen: f64,
 }
 
 /// Lag of the pictures behind the drive.
@@ -107,47 +75,22 @@ struct CornerDisplacement {
     expected: f64,
 }
 
-/// Verdict on the timing of some frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Timing {
-    /// The plate swings too little to be judged.
-    Weak,
-    InTime,
-    /// It swings neither as planned nor as planned with a delay.
-    Unclear,
-    PictureLag {
-        late: PictureLag,
-        /// All delays that explain the frames about equally well.
-        delays: Delays,
-        is_sure: bool,
-    },
+/// Difference between frames and an explanation of them.
+#[derive(Clone, Copy, Debug)]
+struct Residual {
+    /// Number of frames.
+    count: f64,
+    /// Sum of squares, with those that noise and model leave, px².
+    px2: f64,
 }
 
-impl Timing {
-    /// Verdict on frames that no delay explains.
-    fn contradiction() -> Self {
-        Self::PictureLag { late: PictureLag::Unseen, delays: Delays::default(), is_sure: false }
-    }
-
-    /// Verdict on frames that one delay explains, though not with certainty.
-    fn late_by(frames: usize) -> Self {
-        Self::PictureLag { late: PictureLag::By(frames), delays: Delays::of([frames].into_iter()), is_sure: false }
-    }
-}
-
-/// Set of delays, a bit for each number of frames up to [`LONGEST`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Delays(u32);
-
-impl Delays {
-    fn of(delays: impl Iterator<Item = usize>) -> Self {
-        Self(delays.fold(0, |set, delay| set | 1 << delay))
-    }
-
-    /// True when one delay, give or take a frame, is in both sets, or one set is empty: pictures that no delay
-    /// explains.
-    fn agrees_with(self, other: Self) -> bool {
-        self.0 == 0 || other.0 == 0 || (self.0 | self.0 << 1 | self.0 >> 1) & other.0 != 0
+impl Residual {
+    /// Log-likelihood ratio of an explanation that leaves `other` to the one that leaves this, of unknown variance. Two
+    /// predictions that are less `apart_px2` than the pictures are from both cannot be told apart: errors of the model
+    /// are the same in every pulse of one shape.
+    fn evidence_for(self, other: Self, apart_px2: f64) -> f64 {
+        let is_told = apart_px2 > self.px2.min(other.px2);
+        if is_told { 0.5 * self.count * (self.px2 / other.px2).ln() } else { 0.0 }
     }
 }
 
@@ -172,8 +115,8 @@ impl DelayGuard {
             frames: VecDeque::with_capacity(WINDOW + LONGEST),
             newest: 0,
             pulses: VecDeque::with_capacity(2),
-            last: Delays::default(),
-            late: 0,
+            late: [0.0; LONGEST + 1],
+            unseen: 0.0,
         }
     }
 
@@ -218,16 +161,15 @@ impl DelayGuard {
 
     /// True while the frames of the newest pulse appear late: they may show a plate at rest as still swinging.
     pub fn looks_late(&self) -> bool {
-        matches!(self.newest_pulse(), Timing::PictureLag { late: PictureLag::By(_), .. })
+        let in_time = self.in_time();
+        (LATE..=LONGEST).any(|delay| self.evidence(in_time, delay) > DOUBTFUL)
     }
 
     /// Verdict on the planned swing in the frames since the newest pulse began.
     pub fn swing_seen(&self) -> SwingVerdict {
-        let Some((begin_s, _)) = self.pulses.back() else { return SwingVerdict::Unclear };
-        let (first, _) = self.window(*begin_s);
-        let counted = || self.frames.iter().skip(first).filter(|frame| frame.expected < FARTHEST_PX);
-        let expected: f64 = counted().filter(|frame| frame.seen.is_some()).map(|frame| frame.expected.powi(2)).sum();
-        let left: f64 = counted().filter_map(|frame| Some((frame.seen? - frame.expected).powi(2))).sum();
+        let counted = || self.seen().filter(|(_, _, expected)| *expected < FARTHEST_PX);
+        let expected: f64 = counted().map(|(_, _, expected)| expected * expected).sum();
+        let left: f64 = counted().map(|(_, seen, expected)| (seen - expected).powi(2)).sum();
         match left / expected {
             _ if expected <= LEAST_SWING_PX * LEAST_SWING_PX => SwingVerdict::Unclear,
             share if share < AS_DRIVEN => SwingVerdict::AsDriven,
@@ -238,153 +180,95 @@ impl DelayGuard {
 
     /// Ends a pulse. Returns the delay of the frames once it is certain.
     pub fn end(&mut self) -> Option<PictureLag> {
-        // equal pulses at equal intervals hide a delay of one period: two of them are judged together
-        let timing = match self.newest_pulse() {
-            Timing::InTime | Timing::Unclear => self.both_pulses(),
-            timing => timing,
+        let in_time = self.in_time();
+        for delay in LATE..=LONGEST {
+            self.late[delay] = (self.late[delay] + self.evidence(in_time, delay)).max(0.0);
+        }
+        let swing_px2 = self.seen().map(|(i, ..)| self.expected(i, 0).powi(2)).sum();
+        self.unseen = (self.unseen + in_time.evidence_for(self.residual(|_| 0.0), swing_px2)).max(0.0);
+        let most = self.late.iter().copied().fold(0.0, f64::max);
+        if most < CERTAIN {
+            return (self.unseen >= CERTAIN).then_some(PictureLag::Unseen);
+        }
+        // equal pulses at equal intervals are explained by a delay and by that delay plus one interval
+        let alike = |delay: usize| self.late.get(delay).is_some_and(|evidence| *evidence >= most - DOUBTFUL);
+        let shortest = (LATE..=LONGEST).find(|delay| alike(*delay)).unwrap_or(LONGEST);
+        // pictures of rest are explained by every delay from the pulse's length on
+        Some(if alike(shortest + 1) { PictureLag::Unseen } else { PictureLag::By(shortest) })
+    }
+
+    /// Frames of the newest pulse: index, displacement seen and expected, px.
+    fn seen(&self) -> impl Iterator<Item = (usize, f64, f64)> {
+        let begin_s = self.pulses.back().map_or(f64::INFINITY, |(begin_s, _)| *begin_s);
+        let of_pulse = move |(i, frame): (usize, &CornerDisplacement)| {
+            let age = (self.frames.len() - 1 - i) as f64;
+            ((self.newest as f64 - age) * self.frame_s >= begin_s).then_some((i, frame.seen?, frame.expected))
         };
-        match timing {
-            Timing::Weak | Timing::Unclear => None,
-            Timing::InTime => {
-                self.late = 0;
-                None
-            }
-            Timing::PictureLag { late, delays, is_sure } => {
-                // a delay of the camera is the same in every pulse
-                let last = std::mem::replace(&mut self.last, delays);
-                self.late = if delays.agrees_with(last) { self.late + 1 } else { 1 };
-                (is_sure || self.late >= IN_A_ROW).then_some(late)
-            }
-        }
+        self.frames.iter().enumerate().filter_map(of_pulse)
     }
 
-    fn newest_pulse(&self) -> Timing {
-        self.timing_since(self.pulses.back())
+    /// Residual of pictures in time: up to a frame early, as a model that lags behind the plate lets them look, or
+    /// late.
+    fn in_time(&self) -> Residual {
+        let [early, exact, next] = [-1, 0, 1].map(|delay| self.left(delay));
+        Residual { px2: early.px2.min(exact.px2).min(next.px2), ..exact }
     }
 
-    fn both_pulses(&self) -> Timing {
-        self.timing_since(self.pulses.front())
+    /// Evidence of the newest pulse for pictures that are `delay` frames late, against pictures in time.
+    fn evidence(&self, in_time: Residual, delay: usize) -> f64 {
+        let delay = delay as isize;
+        let apart_px2 = self.seen().map(|(i, ..)| (self.expected(i, delay) - self.expected(i, 0)).powi(2)).sum();
+        in_time.evidence_for(self.left(delay), apart_px2)
     }
 
-    /// The delay that best explains the frames since a pulse began, where one is clearly better than none.
-    fn timing_since(&self, pulse: Option<&(f64, PlateSwing)>) -> Timing {
-        let Some((begin_s, _)) = pulse else { return Timing::Weak };
-        let (first, expected) = self.window(*begin_s);
-        if expected < LEAST_SWING_PX * LEAST_SWING_PX {
-            return Timing::Weak;
-        }
-        let seen = || self.frames.iter().enumerate().skip(first).filter_map(|(i, frame)| Some((i, frame.seen?)));
-        let all: f64 = seen().map(|(_, px)| px * px).sum();
-        if all < STILL * expected {
-            return Timing::contradiction();
-        }
-        let left = |delay: usize| -> f64 {
-            let expected = |i: usize| i.checked_sub(delay).and_then(|i| self.frames.get(i)).map_or(0.0, |f| f.expected);
-            seen().map(|(i, px)| (px - expected(i)).powi(2)).sum()
-        };
-        let undelayed = left(0);
-        let least = (1..=LONGEST).map(left).fold(undelayed, f64::min);
-        // equal pulses at equal intervals are explained by a delay and by that delay plus one period
-        let delay = (0..=LONGEST).find(|&delay| left(delay) <= least + ALIKE * all).unwrap_or(0);
-        let is_explained = least < BETTER * undelayed && least < LEFT * all;
-        let tells = expected > UNLIKE_SWING_PX * UNLIKE_SWING_PX;
-        if !is_explained && tells && undelayed > UNLIKE * expected.max(all) {
-            // pictures show a larger swing than the drive's where something pushed the plate, or where their stamps are
-            // off by a fraction of a frame and thus show another phase
-            if self.shows_push(first) {
-                return self.delay_at_any_scale(first, ALIKE_IN_SHAPE).map_or(Timing::Weak, Timing::late_by);
-            }
-            return Timing::contradiction();
-        }
-        if !is_explained && !self.shows_push(first) {
-            let in_time = if undelayed > UNCLEAR * all { Timing::Unclear } else { Timing::InTime };
-            return self.delay_at_any_scale(first, ROUGHLY_ALIKE).map_or(in_time, Timing::late_by);
-        }
-        if undelayed < IN_TIME * all || delay < LATE || !is_explained {
-            return Timing::InTime;
-        }
-        // earlier pulses of other heights may fit the height of this one by chance
-        if self.left_at_any_scale(first, 0) < IN_TIME_AT_ANY_HEIGHT {
-            return Timing::InTime;
-        }
-        // equal pulses at equal intervals are also explained by a delay of all but one frame of the interval, where the
-        // plate swings slightly before its plan; no picture comes early
-        let next = |i: usize| self.frames.get(i + 1).map_or(0.0, |frame| frame.expected);
-        let early: f64 = seen().map(|(i, px)| (px - next(i)).powi(2)).sum();
-        if early <= least + ALIKE * all {
-            return Timing::InTime;
-        }
-        let is_sure = undelayed > SURE_UNDELAYED * all && least < SURE_LEFT * all;
-        let delays = Delays::of((LATE..=LONGEST).filter(|&delay| left(delay) <= least + AGREES * all));
-        Timing::PictureLag { late: PictureLag::By(delay), delays, is_sure }
+    /// Residual of pictures that show the plan `delay` frames later.
+    fn left(&self, delay: isize) -> Residual {
+        self.residual(|i| self.expected(i, delay))
     }
 
-    /// True when frames from `first` on show the plate farther from its place than the drive has moved it in any
-    /// remembered frame.
-    fn shows_push(&self, first: usize) -> bool {
-        let seen = self.frames.iter().skip(first).filter_map(|frame| frame.seen).fold(0.0, f64::max);
-        let driven = self.frames.iter().map(|frame| frame.expected).fold(0.0, f64::max);
-        seen > PUSHED * driven + PUSHED_PX
+    /// Displacement that frame `i` should show if pictures are `delay` frames late, px.
+    fn expected(&self, i: usize, delay: isize) -> f64 {
+        i.checked_add_signed(-delay).and_then(|i| self.frames.get(i)).map_or(0.0, |frame| frame.expected)
     }
 
-    /// The delay with which the frames from `first` on show the expected swing, scaled by one factor; `None` where they
-    /// are not `alike` enough, or in time.
-    fn delay_at_any_scale(&self, first: usize, alike: MotionShape) -> Option<usize> {
-        let left = |delay| self.left_at_any_scale(first, delay);
-        let best = (LATE..=LONGEST).min_by(|&a, &b| left(a).total_cmp(&left(b)))?;
-        (left(best) < alike.left && left(0) > alike.undelayed).then_some(best)
-    }
-
-    /// Residual of the frames from `first` on, as a share of the squares, after fitting the expected swing `delay`
-    /// frames later at its best height: one minus the squared correlation.
-    fn left_at_any_scale(&self, first: usize, delay: usize) -> f64 {
-        let shifted = self.frames.iter().skip(first.saturating_sub(delay)).map(|frame| frame.expected);
-        let seen = self.frames.iter().skip(first.max(delay)).map(|frame| frame.seen);
-        let (mut seen_sq, mut product, mut expected_sq) = (0.0, 0.0, 0.0);
-        for (seen, expected) in seen.zip(shifted).filter_map(|(seen, expected)| Some((seen?, expected))) {
+    /// Residual of the newest pulse's frames against the displacements `expected_px`, at the gain that fits best.
+    fn residual(&self, expected_px: impl Fn(usize) -> f64) -> Residual {
+        let (mut count, mut seen_sq, mut product, mut expected_sq) = (0.0, 0.0, 0.0, 0.0);
+        for (i, seen, _) in self.seen() {
+            let expected = expected_px(i);
+            count += 1.0;
             seen_sq += seen * seen;
             product += seen * expected;
             expected_sq += expected * expected;
         }
-        1.0 - product * product / (seen_sq * expected_sq).max(f64::MIN_POSITIVE)
-    }
-
-    /// Index of the first frame to be judged, and the sum of squares of the expected displacements from there on, px².
-    fn window(&self, begin_s: f64) -> (usize, f64) {
-        let mut expected = 0.0;
-        for (i, frame) in self.frames.iter().enumerate().rev() {
-            let age = self.frames.len() - 1 - i;
-            let at_s = (self.newest as f64 - age as f64) * self.frame_s;
-            if age >= WINDOW || (at_s < begin_s && expected >= LEAST_SWING_PX * LEAST_SWING_PX) {
-                return (i + 1, expected);
-            }
-            expected += frame.seen.map_or(0.0, |_| frame.expected * frame.expected);
-        }
-        (0, expected)
+        let gain = (product / f64::max(expected_sq, f64::MIN_POSITIVE)).clamp(GAINS.0, GAINS.1);
+        let left = (seen_sq - 2.0 * gain * product + gain * gain * expected_sq).max(0.0);
+        Residual { count, px2: left + count * NOISE_PX * NOISE_PX + MODEL_ERROR * MODEL_ERROR * expected_sq }
     }
 }
 
 impl PlateSwing {
-    /// Largest displacement of the corners from their places, px.
+    /// Largest displacement of the corners from their places at `t_s` after the start, px. The plate's velocity is the
+    /// wave times the envelope's height, whose integral by parts has the envelope's slope and curvature, too: on the
+    /// flanks they are as large as its height.
     fn corner_px(&self, t_s: f64) -> f64 {
         let height = self.envelope.at(t_s);
         if height == 0.0 {
             return 0.0;
         }
-        (self.px_per_m * height * corner_m(&self.wave, self.half_side_m, t_s)).min(FARTHEST_PX)
+        let (slope, curvature) = (self.envelope.slope(t_s), self.envelope.curvature(t_s));
+        let place = (1..).zip(&self.wave.harmonics).fold(Twist::ZERO, |place, (k, harmonic)| {
+            let rate = f64::from(k) * self.wave.base_radps;
+            let (sin, cos) = (rate * t_s).sin_cos();
+            let (velocity, integral) =
+                (harmonic.cos * cos + harmonic.sin * sin, harmonic.cos * sin + harmonic.sin * -cos);
+            place + integral * ((height - curvature / (rate * rate)) / rate) + velocity * (slope / (rate * rate))
+        });
+        let corners =
+            [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * self.half_side_m);
+        let displaced = corners.map(|corner| (place.velocity_mps + perp(corner) * place.spin_radps).norm());
+        (self.px_per_m * displaced.into_iter().fold(0.0, f64::max)).min(FARTHEST_PX)
     }
-}
-
-/// Largest displacement at `t_s` of the corners of a plate that moves as `wave`, m.
-fn corner_m(wave: &TwistWave, half_side_m: f64, t_s: f64) -> f64 {
-    let place = (1..).zip(&wave.harmonics).fold(Twist::ZERO, |place, (k, harmonic)| {
-        let rate = f64::from(k) * wave.base_radps;
-        let (sin, cos) = (rate * t_s).sin_cos();
-        place + (harmonic.cos * sin + harmonic.sin * -cos) * rate.recip()
-    });
-    let corners = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * half_side_m);
-    let displaced = corners.map(|corner| (place.velocity_mps + perp(corner) * place.spin_radps).norm());
-    displaced.into_iter().fold(0.0, f64::max)
 }
 
 #[cfg(test)]

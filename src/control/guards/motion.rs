@@ -1,6 +1,7 @@
 use super::delay::SwingVerdict;
 use super::steps::PulseOutcome;
-use crate::condition::Condition;
+use crate::found::Found;
+use upm_core::job::Finding;
 use upm_core::signal::{CHANNEL_NAMES, Drive};
 use upm_perception::estimation::{
     AccelerometerPair, ChannelFault, ExpectedMotion, FitFault, MotionVerdict, PlateFit, judge,
@@ -23,8 +24,8 @@ const OFF_IN_A_ROW: u32 = 2;
 /// A finding on coils or accelerometers from one pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionFinding {
-    /// The condition found.
-    pub condition: Condition,
+    /// The finding, and the coil or channel it is about.
+    pub found: Found,
     /// The reason for people.
     pub reason: String,
     /// True when no more pulses may be played.
@@ -121,7 +122,7 @@ impl MotionGuard {
         let is_hidden = self.knows_fault && went.is_none() && swing != SwingVerdict::Otherwise;
         self.knows_fault |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
         self.doubts_sensors |= self.knows_fault;
-        let found = |condition, reason: String, ends| Some(MotionFinding { condition, reason, ends });
+        let found = |found: Found, reason: String, ends| Some(MotionFinding { found, reason, ends });
         let percent = 100.0 * off;
         match verdict {
             MotionVerdict::AsPlanned | MotionVerdict::Unreadable { strong: false } => {
@@ -137,46 +138,46 @@ impl MotionGuard {
                     ChannelFault::Erratic => "does not agree with the other three".to_owned(),
                 };
                 let reason = format!("accelerometer channel {name} {shows}: pulses are watched by the camera alone");
-                found(Condition::AccelerometerFault { channel: Some(channel) }, reason, false)
+                found(Found::about(Finding::AccelerometerFault, channel), reason, false)
             }
             MotionVerdict::Coil { coil, gain, .. } => {
                 let name = COILS.get(coil).copied().unwrap_or("?");
                 let is_bearable = (BEARABLE_GAIN.0..=BEARABLE_GAIN.1).contains(&gain);
                 let reason =
                     format!("coil {name} gives {gain:.2} of its force; the plate moved {percent:.0} % off the plan");
-                found(Condition::CoilFault { coil }, reason, !is_bearable)
+                found(Found::about(Finding::CoilFault, coil), reason, !is_bearable)
             }
             MotionVerdict::Swapped { coils: [a, b] } => {
                 let [first, second] = [a, b].map(|coil| COILS.get(coil).copied().unwrap_or("?"));
                 let reason = format!("coils {first} and {second} are swapped");
-                found(Condition::CoilFault { coil: a }, reason, true)
+                found(Found::about(Finding::CoilFault, a), reason, true)
             }
             MotionVerdict::Channels => {
                 let reason = "the accelerometers show what no motion of a plate shows".to_owned();
-                found(Condition::AccelerometerFault { channel: None }, reason, false)
+                found(Finding::AccelerometerFault.into(), reason, false)
             }
             MotionVerdict::Other if is_sensors && off > FAR_OFF => {
                 (self.doubts_sensors, self.contradicted) = (true, true);
                 let reason =
                     format!("the accelerometers read a motion {percent:.0} % off the plan, the parts went as forecast");
-                found(Condition::AccelerometerFault { channel: None }, reason, false)
+                found(Finding::AccelerometerFault.into(), reason, false)
             }
             MotionVerdict::Other => {
                 self.off += 1;
                 let reason = format!("the plate moved {percent:.0} % off the plan");
                 let is_far = off > FAR_OFF;
-                if is_far || self.off >= OFF_IN_A_ROW { found(Condition::MotionOff, reason, is_far) } else { None }
+                if is_far || self.off >= OFF_IN_A_ROW { found(Finding::MotionOff.into(), reason, is_far) } else { None }
             }
             MotionVerdict::Unreadable { strong: true } if saw_it_go || shows_drive || is_sensors => {
                 let reason = "the accelerometer trace is unreadable, although the camera saw the plate move".to_owned();
-                found(Condition::AccelerometerFault { channel: None }, reason, false)
+                found(Finding::AccelerometerFault.into(), reason, false)
             }
             MotionVerdict::Unreadable { strong: true } if is_hidden => {
                 let reason = "the accelerometer trace of a small pulse is unreadable".to_owned();
-                found(Condition::AccelerometerFault { channel: None }, reason, false)
+                found(Finding::AccelerometerFault.into(), reason, false)
             }
             MotionVerdict::Unreadable { strong: true } => found(
-                Condition::MotionOff,
+                Finding::MotionOff.into(),
                 "the accelerometer trace of the plate's motion is unreadable".to_owned(),
                 true,
             ),

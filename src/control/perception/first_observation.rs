@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use super::scene::HAND_S;
 use crate::RunIo;
-use crate::condition::Condition;
-use crate::conditions::Conditions;
+use crate::findings::Findings;
 use crate::guards::Guards;
 use crate::run_end::{OrEnd, RunEnd, check_stop, flow};
 use upm_core::geometry::Vec2;
+use upm_core::job::Finding;
 use upm_core::signal::Frame;
 use upm_perception::vision::{Table, locate_table};
 
@@ -21,9 +21,9 @@ const BESIDE: f64 = 1.06;
 /// Captures frames until one shows the table. Returns the table and the time at which the search began.
 pub(super) fn find_table(io: &mut RunIo<'_>, frame: &mut Frame, guards: &Guards) -> OrEnd<(Table, Duration)> {
     let mut why = String::new();
-    let mut conditions = Conditions::default();
+    let mut conditions = Findings::default();
     let since = io.rig.now();
-    let gives_up = guards.has(Condition::TableMissing);
+    let gives_up = guards.has(Finding::TableMissing);
     while why.is_empty() || !gives_up || io.rig.now().secs_since(since) < HAND_S {
         check_stop(io.stop)?;
         flow(io.rig.capture(frame))?;
@@ -37,10 +37,10 @@ pub(super) fn find_table(io: &mut RunIo<'_>, frame: &mut Frame, guards: &Guards)
             Err(fault) => why = fault.to_string(),
         }
         let reason = || format!("no table in the camera's frames: {why}");
-        conditions.note(frame.exposed_at, Condition::TableMissing, reason, io.sink);
+        conditions.note(frame.exposed_at, Finding::TableMissing, reason, io.sink);
         conditions.end_cycle(frame.exposed_at, io.sink);
     }
-    Break(RunEnd::guarded(Condition::TableMissing, format!("no table found in {HAND_S:.0} s: {why}")))
+    Break(RunEnd::failed_because(Finding::TableMissing, format!("no table found in {HAND_S:.0} s: {why}")))
 }
 
 /// True when most of the plate, or of the ground beside it, is saturated: the plate's sides then appear up to half a

@@ -5,10 +5,10 @@ use std::ops::ControlFlow::{Break, Continue};
 use super::scene::UnusableFrame;
 use super::{Perception, REACH_M};
 use crate::Sink;
-use crate::condition::Condition;
 use crate::guards::{PictureLag, PlateSwing, StaleReason};
-use crate::run_end::{OrEnd, RunEnd};
+use crate::run_end::OrEnd;
 use upm_core::geometry::Vec2;
+use upm_core::job::Finding;
 use upm_core::time::PlateTime;
 
 /// Additional tolerance for a part's place after a pulse, as a share of its forecast displacement.
@@ -37,7 +37,7 @@ impl Perception {
 
     /// Delay of the frames, once it is certain. To be called after a pulse that moved the plate as planned.
     pub(crate) fn late(&mut self) -> Option<PictureLag> {
-        self.delay.end().filter(|_| self.guards.has(Condition::CameraLate))
+        self.delay.end().filter(|_| self.guards.has(Finding::CameraLate))
     }
 
     /// True once a frame has differed from the first.
@@ -50,16 +50,16 @@ impl Perception {
     pub(super) fn stale(&mut self, now: PlateTime, swing_px: Option<f64>) -> Option<UnusableFrame> {
         let stale = self.scene.stale(&self.frame, now);
         let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
-        let stands_still = self.stillness.check(swing_px, expected_px) && self.guards.has_code("camera_still");
+        let stands_still = self.stillness.check(swing_px, expected_px) && self.guards.has(Finding::CameraFrozen);
         let stale = stale.or(stands_still.then_some(UnusableFrame::Stale(StaleReason::Repeated)));
-        stale.filter(|blind| self.guards.has(blind.condition()))
+        stale.filter(|blind| self.guards.has(blind.finding()))
     }
 
     /// Obstruction of the view in a frame that lacks a part while the plate may move.
     pub(super) fn covered(&mut self) -> Option<UnusableFrame> {
         let covered =
             if self.frames_missing() > 0 { self.scene.covered(&self.frame, self.tracker.tracks()) } else { None };
-        covered.filter(|blind| self.guards.has(blind.condition()))
+        covered.filter(|blind| self.guards.has(blind.finding()))
     }
 
     /// Ends the run when most parts are farther away than the last pulse carries them: the picture is another one.
@@ -71,11 +71,10 @@ impl Perception {
             |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > reach_m + LEAP_M;
         let is_leap = places_m.iter().zip(&self.expected_m).any(leaps);
         let are_many = far >= 2 && 2 * far > places_m.len();
-        if !(are_many || is_leap) || !self.guards.has(Condition::PartsJumped) {
+        if !(are_many || is_leap) || !self.guards.has(Finding::PartsJumped) {
             return Continue(());
         }
         let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());
-        self.conditions.note(self.frame.exposed_at, Condition::PartsJumped, || reason.clone(), sink);
-        Break(RunEnd::guarded(Condition::PartsJumped, reason))
+        Break(self.findings.end_by(self.frame.exposed_at, Finding::PartsJumped, reason, sink))
     }
 }

@@ -4,7 +4,7 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use crate::run_end::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
-use upm_core::job::StopCause;
+use upm_core::job::Finding;
 use upm_core::rig::PartKind;
 use upm_perception::vision::Detection;
 
@@ -52,7 +52,7 @@ pub(super) fn name_parts(
     }
     match named.into_iter().collect() {
         Some(all) => Continue(all),
-        None => Break(RunEnd::failed_because(StopCause::PartCount, "a part of the job was not found")),
+        None => Break(RunEnd::failed_because(Finding::PartCount, "a part of the job was not found")),
     }
 }
 
@@ -62,7 +62,7 @@ fn count_parts(found: &[Detection], kinds: &[PartKind], parts: &[ExpectedPart]) 
         let expected = parts.iter().filter(|part| part.kind == kind).count();
         if seen != expected {
             let reason = format!("the camera sees {seen} of kind {:?}, the job has {expected}", spec.name);
-            return Break(RunEnd::failed_because(StopCause::PartCount, reason));
+            return Break(RunEnd::failed_because(Finding::PartCount, reason));
         }
     }
     Continue(())

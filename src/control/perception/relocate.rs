@@ -5,10 +5,10 @@ use std::ops::ControlFlow::{Break, Continue};
 use super::naming::match_parts;
 use super::settling::{PlateInImage, SWING_S};
 use super::{FramePurpose, Perception, TABLE_OBSERVATIONS};
-use crate::condition::Condition;
 use crate::run_end::{OrEnd, RunEnd, check_stop};
 use crate::{ConfirmedFacts, LocalisedFacts, RunIo, Sink};
 use upm_core::geometry::Vec2;
+use upm_core::job::Finding;
 use upm_core::time::Clock;
 use upm_perception::vision::{CoinFinder, Detection, Table, Tracker, locate_table};
 
@@ -51,7 +51,7 @@ impl Perception {
     fn locate(&self, clock: &dyn Clock) -> Result<Relocated, String> {
         let started = clock.elapsed();
         let table = locate_table(&self.frame, &self.lens, self.table.side_m).map_err(|fault| fault.to_string())?;
-        if !has_shape_of(&table, &self.table) && self.guards.has_code("table_shape") {
+        if !has_shape_of(&table, &self.table) && self.guards.has(Finding::TableMissing) {
             return Err(
                 "it has another shape than before: something hides part of it, or the picture is mirrored".to_owned()
             );
@@ -73,7 +73,7 @@ impl Perception {
                 return Continue(());
             }
         };
-        if self.delay.looks_late() && self.guards.has(Condition::CameraLate) {
+        if self.delay.looks_late() && self.guards.has(Finding::CameraLate) {
             // late pictures show a plate at rest as still swinging
             return Continue(());
         }
@@ -86,11 +86,11 @@ impl Perception {
         }
         let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
         let reason = || format!("the plate has moved in the picture {by}; it is located anew");
-        self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, io.sink);
+        self.findings.note(self.frame.exposed_at, Finding::CameraMoved, reason, io.sink);
         match self.locate(io.clock) {
             Ok(found) => self.relocate(found, true, io.sink),
-            Err(fault) if self.displaced > MOVED + TABLE_OBSERVATIONS as u32 => Break(RunEnd::guarded(
-                Condition::CameraMoved,
+            Err(fault) if self.displaced > MOVED + TABLE_OBSERVATIONS as u32 => Break(RunEnd::failed_because(
+                Finding::CameraMoved,
                 format!("the plate has moved in the picture {by}: {fault}"),
             )),
             Err(_) => Continue(()),
@@ -118,19 +118,19 @@ impl Perception {
             let expected = before.len();
             let reason =
                 format!("the plate has moved in the picture, and {count} parts are seen instead of {expected}");
-            return Break(RunEnd::guarded(Condition::CameraMoved, reason));
+            return Break(RunEnd::failed_because(Finding::CameraMoved, reason));
         };
         let ways = detections.iter().zip(&self.expected_m);
         let off_m =
             |(part, (expected_m, reach_m)): (&Detection, &(Vec2, f64))| (part.position_m - expected_m).norm() - reach_m;
         let too_far_m = ways.map(off_m).fold(0.0, f64::max);
-        if too_far_m > 0.0 && self.guards.has(Condition::PartsJumped) {
+        if too_far_m > 0.0 && self.guards.has(Finding::PartsJumped) {
             let reason = format!(
                 "the plate has moved in the picture, and a part is {:.1} mm farther from its last position than it can \
                  have moved",
                 too_far_m * 1e3
             );
-            return Break(RunEnd::guarded(Condition::PartsJumped, reason));
+            return Break(RunEnd::failed_because(Finding::PartsJumped, reason));
         }
         let frame = &self.frame;
         sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, localise_us });
@@ -161,7 +161,7 @@ impl Perception {
                 io.sink.confirmed(&ConfirmedFacts { at, corner_px: off_px, part_m, parts_m: &parts_m });
             } else {
                 let reason = || format!("table and parts located anew differ, the corners by {off_px:.1} px");
-                self.conditions.note(self.frame.exposed_at, Condition::CameraMoved, reason, io.sink);
+                self.findings.note(self.frame.exposed_at, Finding::CameraMoved, reason, io.sink);
                 self.relocate(located, true, io.sink)?;
                 return Continue(false);
             }
@@ -195,7 +195,6 @@ impl Perception {
         }
         let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
         let reason = format!("no table found in {TABLE_OBSERVATIONS} frames{why}");
-        self.conditions.note(self.frame.exposed_at, Condition::TableMissing, || reason.clone(), io.sink);
-        Break(RunEnd::guarded(Condition::TableMissing, reason))
+        Break(self.findings.end_by(self.frame.exposed_at, Finding::TableMissing, reason, io.sink))
     }
 }

@@ -2,9 +2,9 @@
 //! it is where it was, and whether a foreign object is on it.
 
 use super::settling::{PlateInImage, Settling};
-use crate::condition::Condition;
 use crate::guards::{Freshness, StaleReason};
 use upm_core::geometry::Vec2;
+use upm_core::job::Finding;
 use upm_core::rig::{PartKind, RigModel};
 use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
@@ -33,13 +33,13 @@ pub(super) enum UnusableFrame {
 }
 
 impl UnusableFrame {
-    /// The condition to report.
-    pub(super) fn condition(self) -> Condition {
+    /// The finding to report.
+    pub(super) fn finding(self) -> Finding {
         match self {
-            Self::Stale(StaleReason::Repeated) => Condition::CameraFrozen,
-            Self::Stale(StaleReason::Stamp { .. }) => Condition::CameraStale,
-            Self::Dark => Condition::CameraDark,
-            Self::Hidden => Condition::ViewHidden,
+            Self::Stale(StaleReason::Repeated) => Finding::CameraFrozen,
+            Self::Stale(StaleReason::Stamp { .. }) => Finding::CameraStale,
+            Self::Dark => Finding::CameraDark,
+            Self::Hidden => Finding::ViewHidden,
         }
     }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use parking_lot::{Condvar, Mutex};
 
-use crate::job::StopCause;
+use crate::job::{Finding, StopCause, StopRequest};
 use crate::time::{Clock, PlateTime};
 
 /// Cause of an interlock's trip.
@@ -42,10 +42,10 @@ impl fmt::Display for Trip {
 impl From<Trip> for StopCause {
     fn from(trip: Trip) -> Self {
         match trip {
-            Trip::EStop => Self::Estop,
-            Trip::Lease => Self::LeaseExpired,
-            Trip::Watchdog => Self::Watchdog,
-            Trip::Shutdown => Self::Shutdown,
+            Trip::EStop => StopRequest::Estop.into(),
+            Trip::Lease => Finding::LeaseExpired.into(),
+            Trip::Watchdog => Finding::Watchdog.into(),
+            Trip::Shutdown => StopRequest::Shutdown.into(),
         }
     }
 }

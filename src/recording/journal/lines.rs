@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, points_mm, seconds};
 use crate::motion::MotionRecord;
 use crate::wave::off_part;
-use upm_control::{ConditionChange, ConfirmedFacts, CycleFacts, EventFacts, EventKind, LocalisedFacts, PulseFacts};
+use upm_control::{ConfirmedFacts, CycleFacts, EventFacts, EventKind, FindingChange, LocalisedFacts, PulseFacts};
 use upm_core::job::{Outcome, RecordingEnd, StopCause};
 use upm_core::signal::{Harmonic, MOTORS, TwistWave};
 use upm_perception::estimation::PlateFit;
@@ -124,12 +124,12 @@ impl<'a> JournalLine<'a> {
     pub(super) fn event(event: &'a EventFacts) -> Self {
         let detail = match event.kind {
             EventKind::Note => None,
-            EventKind::Condition { condition, change, .. } => {
-                let code = condition.code();
+            EventKind::Finding { found, change, .. } => {
+                let code = found.finding.code();
                 Some(match change {
-                    ConditionChange::Began => DetailPart::Condition { code, change: "began", times: None },
-                    ConditionChange::Ended { times, .. } => {
-                        DetailPart::Condition { code, change: "ended", times: Some(times) }
+                    FindingChange::Began => DetailPart::Finding { code, change: "began", times: None },
+                    FindingChange::Ended { times, .. } => {
+                        DetailPart::Finding { code, change: "ended", times: Some(times) }
                     }
                 })
             }
@@ -353,8 +353,8 @@ impl SentLine {
 #[derive(Serialize, JsonSchema)]
 #[serde(untagged)]
 pub(super) enum DetailPart {
-    /// A lasting condition that began or ended.
-    Condition {
+    /// A lasting finding that began or ended.
+    Finding {
         code: &'static str,
         #[schemars(extend("enum" = ["began", "ended"]))]
         change: &'static str,

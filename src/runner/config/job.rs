@@ -10,7 +10,7 @@ use super::rig::RigSpec;
 use super::rig_file::RigSource;
 use super::task::{self, TaskSpec};
 use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
-use upm_core::job::CameraMode;
+use upm_core::job::{CameraMode, Finding};
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_sim::faults::FaultSpec;
@@ -45,7 +45,7 @@ pub struct JobSpec {
     /// Seed of the start places, where it is not the job's.
     placement_seed: Option<u64>,
     /// Code of a disabled guard; set only by builds with the feature `mutants`.
-    pub without_guard: Option<String>,
+    pub without_guard: Option<Finding>,
     /// Policy for a computer that is too slow for the plate.
     pub deadlines: DeadlinePolicy,
     /// Contents of the file with all defaults written out, without the rig.

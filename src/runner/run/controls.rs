@@ -3,7 +3,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::paced::PacingStats;
 use upm_control::{EventFacts, EventKind, EventLevel, FinalState, RunEnd, Sink};
-use upm_core::job::StopCause;
+use upm_core::job::{Finding, StopCause, StopRequest};
 use upm_core::rig::{Interlock, RigFault, Trip};
 use upm_core::time::PlateTime;
 
@@ -37,20 +37,21 @@ pub struct ExternalStop {
 
 impl ExternalStop {
     /// A stop by `cause` with `reason`, followed by the remedy if there is one.
-    pub fn of(cause: StopCause, reason: impl fmt::Display) -> Self {
+    pub fn of(cause: impl Into<StopCause>, reason: impl fmt::Display) -> Self {
+        let cause = cause.into();
         Self { cause, reason: RunEnd::failed_because(cause, reason).reason }
     }
 
     /// Interruption by the operator at the program.
     pub(super) fn by_operator() -> Self {
-        Self { cause: StopCause::Interrupted, reason: RunEnd::stopped().reason }
+        Self { cause: StopCause::Asked(StopRequest::Interrupted), reason: RunEnd::stopped().reason }
     }
 }
 
 impl RunControls<'_> {
     /// Reports the cause of a stop in an event and in the ending. Runs that were not stopped are left unchanged.
     pub(super) fn explain(&self, finish: &mut FinalState, sink: &mut dyn Sink, at: PlateTime) {
-        if !finish.ending.is_external() || finish.ending.cause == Some(StopCause::GaveWay) {
+        if !finish.ending.is_external() || finish.ending.cause == Some(StopCause::Asked(StopRequest::GaveWay)) {
             return;
         }
         let by_control = finish.ending.clone();
@@ -60,7 +61,7 @@ impl RunControls<'_> {
         }
         // plate time passes without a driver only in real time
         if trip == Some(Trip::Lease) {
-            finish.ending.cause = Some(StopCause::DeadlineMissed);
+            finish.ending.cause = Some(StopCause::Found(Finding::DeadlineMissed));
             finish.ending.reason = format!("{}; {TOO_BUSY}", finish.ending.reason);
         }
         if let Some(ExternalStop { cause, reason }) = (self.cause)() {

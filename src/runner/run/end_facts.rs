@@ -5,7 +5,7 @@ use pathfinding::prelude::{Matrix, kuhn_munkres_min};
 use super::{PlannerSelection, RunError, RunSetup};
 use crate::config::{Assignment, JobSpec, TaskSpec};
 use upm_control::{ExpectedPart, FinalState, RunEnd};
-use upm_core::job::{Outcome, StopCause};
+use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
 use upm_core::rig::Rig;
 use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
@@ -55,12 +55,19 @@ pub(super) fn ending<R: Rig>(
 /// remain its cause.
 pub(super) fn add_write_failure(ending: &mut RunEnd, error: &RunError) {
     match (ending.outcome, ending.cause) {
-        (_, Some(StopCause::PartLost)) => ending.reason = format!("{}; {error}", ending.reason),
-        (Outcome::Cancelled, Some(StopCause::Estop | StopCause::Cancelled | StopCause::Interrupted)) => {
+        (_, Some(StopCause::Found(Finding::PartLost))) => ending.reason = format!("{}; {error}", ending.reason),
+        (
+            Outcome::Cancelled,
+            Some(
+                StopCause::Asked(StopRequest::Estop)
+                | StopCause::Asked(StopRequest::Cancelled)
+                | StopCause::Asked(StopRequest::Interrupted),
+            ),
+        ) => {
             ending.reason = format!("stopped; {error}");
         }
         _ => {
-            let (outcome, cause) = (Outcome::Failed, Some(StopCause::JournalLost));
+            let (outcome, cause) = (Outcome::Failed, Some(StopCause::Found(Finding::JournalLost)));
             *ending = RunEnd { outcome, cause, reason: error.to_string() };
         }
     }
@@ -163,12 +170,18 @@ mod tests {
         };
         let (failed, cancelled) = (Outcome::Failed, Outcome::Cancelled);
         let lost = "penny-1 is lost; cannot write journal.jsonl: no space";
-        assert_eq!(ended(Some(StopCause::PartLost), failed), (Some(StopCause::PartLost), failed, lost.into()));
+        assert_eq!(
+            ended(Some(StopCause::Found(Finding::PartLost)), failed),
+            (Some(StopCause::Found(Finding::PartLost)), failed, lost.into())
+        );
         let stopped = "stopped; cannot write journal.jsonl: no space";
-        assert_eq!(ended(Some(StopCause::Estop), cancelled), (Some(StopCause::Estop), cancelled, stopped.into()));
-        for cause in [None, Some(StopCause::Stopped), Some(StopCause::TimeLimit)] {
+        assert_eq!(
+            ended(Some(StopCause::Asked(StopRequest::Estop)), cancelled),
+            (Some(StopCause::Asked(StopRequest::Estop)), cancelled, stopped.into())
+        );
+        for cause in [None, Some(StopCause::Asked(StopRequest::Stopped)), Some(StopCause::Found(Finding::TimeLimit))] {
             let (named, outcome, reason) = ended(cause, cancelled);
-            assert_eq!((named, outcome), (Some(StopCause::JournalLost), failed));
+            assert_eq!((named, outcome), (Some(StopCause::Found(Finding::JournalLost)), failed));
             assert_eq!(reason, error.to_string());
         }
     }

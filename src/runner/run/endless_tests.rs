@@ -6,7 +6,7 @@ use tempfile::TempDir;
 use super::testing::{job_in_configs, options};
 use super::*;
 use upm_control::FrameFacts;
-use upm_core::job::{Outcome, StopCause};
+use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
 use upm_core::time::MonotonicClock;
 
 fn job(task: &Value, plate_time_s: f64) -> JobSpec {
@@ -103,7 +103,7 @@ fn task_without_end_completes_at_its_plate_time_limit() {
 #[test]
 fn task_with_an_end_fails_at_its_plate_time_limit() {
     let report = report_of(&squares(5, false), 2.0);
-    assert_eq!((report.outcome, report.stop.unwrap().code), (Outcome::Failed, StopCause::TimeLimit));
+    assert_eq!((report.outcome, report.stop.unwrap().code), (Outcome::Failed, StopCause::Found(Finding::TimeLimit)));
     assert!(report.reason.starts_with("plate time limit of 2 s reached; check "), "{}", report.reason);
     let done = report_of(&json!({"type": "hold", "duration_s": 0.5}), 2.0);
     assert_eq!((done.outcome, done.reason.as_str()), (Outcome::Completed, "every part held for 0.5 s"));
@@ -114,7 +114,10 @@ fn run_asked_to_give_way_ends_its_cycle_first_and_is_completed_when_endless() {
     for (task, outcome) in [(squares(0, false), Outcome::Completed), (squares(9, false), Outcome::Cancelled)] {
         let (out, report, journal, took_s) = gives_way(&task);
         let stop = report.stop.unwrap();
-        assert_eq!((report.outcome, stop.code, &stop.text), (outcome, StopCause::GaveWay, &report.reason));
+        assert_eq!(
+            (report.outcome, stop.code, &stop.text),
+            (outcome, StopCause::Asked(StopRequest::GaveWay), &report.reason)
+        );
         let kinds: Vec<&str> = journal.iter().map(|line| line["type"].as_str().unwrap()).collect();
         assert_eq!(kinds[kinds.len() - 2..], ["cycle", "event"], "the cycle was not cut short");
         let sent: usize = journal.iter().map(|line| line["sent"].as_array().map_or(0, Vec::len)).sum();

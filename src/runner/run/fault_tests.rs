@@ -5,7 +5,7 @@ use tempfile::TempDir;
 
 use super::testing::{job_in_configs, options, with_small_pictures};
 use super::*;
-use upm_core::job::{Outcome, StopCause};
+use upm_core::job::{Finding, Outcome, StopCause};
 use upm_core::time::MonotonicClock;
 use upm_recording::Verdict as Truth;
 
@@ -108,7 +108,12 @@ fn small_pulse_names_a_coil_before_a_part_has_moved() {
             fault["value"] = value;
         }
         let (_folder, done) = played(&with_small_pictures(job(&json!([fault]))));
-        assert_eq!(done.report.stop.map(|stop| stop.code), Some(StopCause::CoilFault), "{}", done.report.reason);
+        assert_eq!(
+            done.report.stop.map(|stop| stop.code),
+            Some(StopCause::Found(Finding::CoilFault)),
+            "{}",
+            done.report.reason
+        );
         for part in &done.report.parts {
             let [x, y] = part.true_mm.unwrap();
             let moved_mm = (x.abs() - 60.0).hypot(y - 20.0);
@@ -135,7 +140,12 @@ fn frames_with_an_old_stamp_end_the_run_only_after_two_seconds() {
     assert_eq!(noticed("clock:skew=-3@0.5-0.53"), (None, true, Some(Truth::True)));
     let lasting = with_small_pictures(job(&Value::Null)).with_faults(&["clock:skew=-1.9@0.5".to_owned()]).unwrap();
     let (_folder, done) = played(&lasting);
-    assert_eq!(done.report.stop.map(|stop| stop.code), Some(StopCause::CameraStale), "{}", done.report.reason);
+    assert_eq!(
+        done.report.stop.map(|stop| stop.code),
+        Some(StopCause::Found(Finding::CameraStale)),
+        "{}",
+        done.report.reason
+    );
     assert!((2.4..2.7).contains(&done.report.plate_time_s), "{} s", done.report.plate_time_s);
 }
 

@@ -127,7 +127,7 @@ mod tests {
     use crate::config::Origin;
     use crate::run::{PacingStats, RunOptions, Verification, run, verify};
     use upm_core::geometry::Vec2;
-    use upm_core::job::{CameraMode, Outcome, StopCause};
+    use upm_core::job::{CameraMode, Finding, Outcome, StopCause};
     use upm_core::time::{MonotonicClock, PlateTime};
     use upm_planning::task::Setpoints;
     use upm_recording::{RecordingOptions, RerunMode};
@@ -193,11 +193,11 @@ mod tests {
             (report.outcome, report.stop.map(|stop| stop.code))
         };
         assert_eq!(covered(2.0).0, Outcome::Completed, "a hand that goes away");
-        assert_eq!(covered(60.0), (Outcome::Failed, Some(StopCause::ViewHidden)));
+        assert_eq!(covered(60.0), (Outcome::Failed, Some(StopCause::Found(Finding::ViewHidden))));
         let dark = run(
             job(json!([{"component": "camera", "kind": "dark", "from_s": 0.5}])).with_camera(CameraMode::Positions)
         );
-        assert_eq!(dark.stop.map(|stop| stop.code), Some(StopCause::CameraDark));
+        assert_eq!(dark.stop.map(|stop| stop.code), Some(StopCause::Found(Finding::CameraDark)));
     }
 
     #[test]

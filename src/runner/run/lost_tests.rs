@@ -6,7 +6,7 @@ use super::testing::with_small_pictures;
 use super::*;
 use crate::config::Origin;
 use upm_control::PulseFacts;
-use upm_core::job::{Outcome, StopCause};
+use upm_core::job::{Finding, Outcome, StopCause};
 use upm_core::rig::{Rig, RigFault};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::MonotonicClock;
@@ -90,7 +90,7 @@ fn camera_that_shows_no_plate_is_waited_for_and_then_ends_the_run_in_the_middle_
     let (whole, ..) = first_cycle(None);
     let (played, finish, blind_s) = first_cycle(Some(1));
     assert_eq!(finish.ending.outcome, Outcome::Failed);
-    assert_eq!(finish.ending.cause, Some(StopCause::CameraDark), "{}", finish.ending.reason);
+    assert_eq!(finish.ending.cause, Some(StopCause::Found(Finding::CameraDark)), "{}", finish.ending.reason);
     assert!(finish.ending.reason.contains("check the light"), "{}", finish.ending.reason);
     assert!(played < whole, "{played} of {whole} pulses");
     assert!((5.0..6.0).contains(&blind_s), "{blind_s}");

@@ -76,8 +76,8 @@ impl RunSetup {
             tolerance_m: job.tolerance_m,
             lost_after_frames: lost_after_frames(model.frame_hz),
             method: planner.method,
-            planner: planner_params_without(&model, job.without_guard.as_deref()),
-            guards: job.without_guard.as_deref().map_or_else(Guards::default, Guards::without),
+            planner: planner_params(&model),
+            guards: Guards { without: job.without_guard },
             kinds,
         };
         let task = task(job, library, &placed, planner.method);
@@ -148,17 +148,6 @@ pub fn planner_params(model: &RigModel) -> PlannerParams {
         frame_s: 1.0 / model.frame_hz,
         exposure_s: model.exposure_s,
         max_sustain_s: model.max_sustain_s,
-    }
-}
-
-/// As [`planner_params`], with the limit of the guard called `without` moved out of reach, which disables it.
-fn planner_params_without(model: &RigModel, without: Option<&str>) -> PlannerParams {
-    let all = planner_params(model);
-    let kept = |code: &str, limit_m: f64| if without == Some(code) { -model.plate_side_m } else { limit_m };
-    PlannerParams {
-        edge_margin_m: kept("edge_limit", all.edge_margin_m),
-        separation_m: kept("separation", all.separation_m),
-        ..all
     }
 }
 

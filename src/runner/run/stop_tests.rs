@@ -10,7 +10,7 @@ use super::testing::options;
 use super::*;
 use crate::config::Origin;
 use upm_control::{FrameFacts, PulseFacts};
-use upm_core::job::{Outcome, StopCause};
+use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
 use upm_core::rig::{RigFault, Trip};
 use upm_core::time::PlateTime;
 
@@ -94,7 +94,7 @@ impl StopRecord {
         let options = RunOptions { real_time, ..options(&out) };
         let folder = RunFolder::create(&options.out, job, &options.started_utc).unwrap();
         let mut watcher = InPulse { number, act, pulses: 0, frames: 0, clock: Arc::clone(&plate.clock) };
-        let cause = || cause.map(|reason| ExternalStop::of(StopCause::Cancelled, reason));
+        let cause = || cause.map(|reason| ExternalStop::of(StopRequest::Cancelled, reason));
         let controls = plate.controls(&cause);
         let run = run_linked(job, library, folder, &options, &*plate.clock, controls, &mut watcher).unwrap();
         let journal = std::fs::read_to_string(run.folder.join("journal.jsonl")).unwrap();
@@ -185,7 +185,7 @@ fn process_stopped_in_a_pulse_loses_the_lease_under_strict_deadlines() {
     let by_rig = RunEnd::from(RigFault::Stopped(Trip::Lease)).reason;
     let reason = format!("{by_rig}; {TOO_BUSY}");
     assert_eq!(stopped.report.reason, reason);
-    assert_eq!(stopped.report.stop.as_ref().map(|stop| stop.code), Some(StopCause::DeadlineMissed));
+    assert_eq!(stopped.report.stop.as_ref().map(|stop| stop.code), Some(StopCause::Found(Finding::DeadlineMissed)));
     assert_eq!(stopped.events.iter().rev().take(2).collect::<Vec<_>>(), [&reason, &by_rig]);
     let answer = plate.interlock.stop_times().unwrap();
     assert!(stopped.report.plate_time_s > answer.motors_off_at.secs() + 2.0, "time went on without force");
@@ -233,14 +233,14 @@ fn run_on_a_tripped_plate_plays_nothing_and_reports_the_reason() {
 fn a_cause_that_comes_too_late_changes_nothing() {
     let plate = StoppedPlate::default();
     let mut finish = FinalState { ending: RunEnd::completed("all in place"), ..FinalState::default() };
-    let cause = || Some(ExternalStop::of(StopCause::Cancelled, "late"));
+    let cause = || Some(ExternalStop::of(StopRequest::Cancelled, "late"));
     let controls = plate.controls(&cause);
     let mut heard = upm_recording::Fanout::new();
     controls.explain(&mut finish, &mut heard, PlateTime::ZERO);
     assert_eq!(finish.ending, RunEnd::completed("all in place"));
     finish.ending = RunEnd::stopped();
     controls.explain(&mut finish, &mut heard, PlateTime::ZERO);
-    assert_eq!(finish.ending, RunEnd::cancelled(StopCause::Cancelled, "late"));
+    assert_eq!(finish.ending, RunEnd::cancelled(StopRequest::Cancelled, "late"));
 }
 
 #[test]

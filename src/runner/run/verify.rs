@@ -172,6 +172,8 @@ fn lines_before_stop(journal: &[&str]) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
+    use upm_core::job::{Finding, StopRequest};
+
     use super::*;
     fn compare(recorded: &str, repeated: &str) -> Verification {
         let enough = AtomicBool::new(false);
@@ -214,7 +216,11 @@ mod tests {
     fn a_stopped_run_is_compared_as_far_as_it_went() {
         let explained = event("emergency stop by the page", r#","outcome":"cancelled","code":"estop""#);
         let after = explained + "{\"type\":\"unfinished_cycle\"}\n";
-        let coded = StopCause::ALL.into_iter().filter(|cause| cause.is_external());
+        let coded = StopRequest::ALL
+            .map(StopCause::from)
+            .into_iter()
+            .chain(Finding::ALL.map(StopCause::from))
+            .filter(|cause| cause.is_external());
         let coded =
             coded.map(|cause| event("in words", &format!(r#","outcome":"cancelled","code":"{}""#, cause.code())));
         for stop in coded {

@@ -7,7 +7,7 @@ use parking_lot::Mutex;
 use super::Plate;
 use super::watchdog::Heartbeat;
 use crate::store::JobId;
-use upm_core::job::StopCause;
+use upm_core::job::StopRequest;
 use upm_recording::{RecordingHandle, WriterStatus};
 use upm_runner::config::JobLayout;
 use upm_runner::run::{ExternalStop, PacingStats};
@@ -136,5 +136,5 @@ impl CurrentJob {
 }
 
 fn cancelled() -> ExternalStop {
-    ExternalStop::of(StopCause::Cancelled, "cancelled by request")
+    ExternalStop::of(StopRequest::Cancelled, "cancelled by request")
 }

@@ -18,7 +18,7 @@ use parking_lot::Mutex;
 
 use super::ResetFault;
 use super::latch::{Latch, StopToken};
-use upm_core::job::StopCause;
+use upm_core::job::StopRequest;
 use upm_core::rig::{Interlock, Trip};
 use upm_runner::run::ExternalStop;
 
@@ -95,7 +95,7 @@ impl EmergencyStop {
 
     /// The cause of a run's end, if this stop ended it.
     pub fn cause(&self) -> Option<ExternalStop> {
-        self.holds().then(|| ExternalStop::of(StopCause::Estop, "emergency stop"))
+        self.holds().then(|| ExternalStop::of(StopRequest::Estop, "emergency stop"))
     }
 
     /// Writes the latch to the disk; true when a stop is there. Waits for the disk.

@@ -15,8 +15,7 @@ use super::preview::FramePreview;
 use super::{Plate, PlateState, ResetFault};
 use crate::states::PauseCause;
 use crate::store::{AuditEntry, JobId, Store};
-use upm_core::job::LayoutPart;
-use upm_core::job::StopCause;
+use upm_core::job::{LayoutPart, StopRequest};
 use upm_core::rig::PartKind;
 use upm_core::rig::Trip;
 use upm_core::time::{Clock, MonotonicClock};
@@ -120,7 +119,7 @@ impl PlateHandle {
 
     /// The cause for which the run on the plate was ended, for its journal and its report.
     pub(super) fn cause(&self) -> Option<ExternalStop> {
-        let shutdown = || ExternalStop::of(StopCause::Shutdown, "the daemon ended");
+        let shutdown = || ExternalStop::of(StopRequest::Shutdown, "the daemon ended");
         let is_ending = self.ending.load(Ordering::SeqCst);
         self.emergency_stop.cause().or_else(|| is_ending.then(shutdown)).or_else(|| self.job.cause())
     }
@@ -144,7 +143,7 @@ impl PlateHandle {
         let (paused, running) = (self.paused(), self.job.running());
         let (mut plate, at) = self.job.seen();
         if running.is_none() {
-            plate.conditions.clear();
+            plate.findings.clear();
         }
         let (state, why, pause) = match (self.emergency_stop.holds(), paused, &running) {
             (true, ..) => (PlateState::Stopped, "emergency stop".to_owned(), None),

@@ -1,7 +1,7 @@
 use super::preview::OverlayMark;
-use crate::states::PlateCondition;
+use crate::states::PlateFinding;
 use crate::supervisor::{Plate, PlateHandle};
-use upm_control::{ConditionChange, CycleFacts, EventFacts, EventKind, EventLevel, FrameFacts, LocalisedFacts, Sink};
+use upm_control::{CycleFacts, EventFacts, EventKind, EventLevel, FindingChange, FrameFacts, LocalisedFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::time::{Clock, PlateTime};
 use upm_core::units::{mm_from_m, places_mm};
@@ -73,11 +73,11 @@ impl Sink for RunObserver<'_> {
         if event.level == EventLevel::Error || matches!(event.kind, EventKind::RunEnded { .. }) {
             self.shared.job.heartbeat.end();
         }
-        if let EventKind::Condition { condition, change, reason } = &event.kind {
-            self.observation.conditions.retain(|held| held.code != condition.code());
-            if *change == ConditionChange::Began {
-                let (code, remedy) = (condition.code().to_owned(), condition.remedy().to_owned());
-                self.observation.conditions.push(PlateCondition { code, reason: reason.clone(), remedy });
+        if let EventKind::Finding { found, change, reason } = &event.kind {
+            self.observation.findings.retain(|held| held.code != found.finding.code());
+            if *change == FindingChange::Began {
+                let (code, remedy) = (found.finding.code().to_owned(), found.finding.check().to_owned());
+                self.observation.findings.push(PlateFinding { code, reason: reason.clone(), remedy });
             }
         }
     }

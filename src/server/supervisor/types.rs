@@ -1,7 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::states::{PauseCause, PlateCondition, PlateState, StandingJob};
+use crate::states::{PauseCause, PlateFinding, PlateState, StandingJob};
 use crate::store::StoreFault;
 use upm_core::job::LayoutPart;
 use upm_recording::{RecordingState, StopReport};
@@ -29,9 +29,9 @@ pub struct Plate {
     /// The cause of its pause; null unless it is paused.
     #[serde(default)]
     pub pause: Option<PauseCause>,
-    /// Current conditions of the run on it that an operator should know of.
+    /// Current findings of the run on it that an operator should know of.
     #[serde(default)]
-    pub conditions: Vec<PlateCondition>,
+    pub findings: Vec<PlateFinding>,
     /// Id of the job on it; null when there is none.
     pub job: Option<String>,
     /// The job that runs whenever its queue is empty; null when none is configured.

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-use upm_core::job::StopCause;
+use upm_core::job::{Finding, StopCause};
 use upm_core::time::PlateTime;
 use upm_runner::config::WatchdogSpec;
 use upm_runner::run::ExternalStop;
@@ -113,12 +113,18 @@ impl Watchdog {
         let (cause, reason) = if frame_ms == 0 {
             return None;
         } else if unframed > hung {
-            (StopCause::Hung, format!("no frame came for {:.1} s: the controller hangs", unframed.as_secs_f64()))
+            (
+                StopCause::Found(Finding::Hung),
+                format!("no frame came for {:.1} s: the controller hangs", unframed.as_secs_f64()),
+            )
         } else if unseen_s > no_part_s {
-            (StopCause::NoPartSeen, format!("no part was seen for {unseen_s:.1} s of plate time"))
+            (StopCause::Found(Finding::NoPartSeen), format!("no part was seen for {unseen_s:.1} s of plate time"))
         } else if unwritten_ms != 0 && unwritten > blocked {
             let unwritten_s = unwritten.as_secs_f64();
-            (StopCause::JournalBlocked, format!("the journal could not be written for {unwritten_s:.1} s"))
+            (
+                StopCause::Found(Finding::JournalBlocked),
+                format!("the journal could not be written for {unwritten_s:.1} s"),
+            )
         } else {
             return None;
         };

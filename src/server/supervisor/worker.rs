@@ -15,7 +15,7 @@ use crate::states::PauseCause;
 use crate::store::{Job, JobEnd, JobId, JobRow, JobState, JobWithSpec, Pace, RecordingStatus, StoreFault, low_disk};
 use upm_core::background::OverflowPolicy;
 use upm_core::files::free_bytes;
-use upm_core::job::StopCause;
+use upm_core::job::{StopCause, StopRequest};
 use upm_core::rig::Trip;
 use upm_core::thread_priority::raise_thread_priority;
 use upm_recording::{RecordingHandle, RecordingOptions, RecordingState, RerunMode, StopReport, WriterStatus};
@@ -109,7 +109,7 @@ impl PlateWorker {
         let lost_parts = done.as_ref().map_or(0, |run| run.report.lost_parts);
         let stop = done.as_ref().ok().and_then(|run| run.report.stop.clone());
         let stopped_by_guard = stop.as_ref().is_some_and(|stop| stop.code.pauses_plate());
-        let is_cancelled = cause.is_some_and(|stop| stop.cause == StopCause::Cancelled);
+        let is_cancelled = cause.is_some_and(|stop| stop.cause == StopCause::Asked(StopRequest::Cancelled));
         let mut end = self.end_of(done, is_cancelled);
         let (kept, why) = recording_status(recording.state());
         if !matches!(kept, RecordingStatus::None | RecordingStatus::Whole) {

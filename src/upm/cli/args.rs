@@ -138,8 +138,14 @@ pub struct RunArgs {
     pub faults: Vec<String>,
     /// Disable one guard, to test that its absence is noticed
     #[cfg(feature = "mutants")]
-    #[arg(long, value_name = "CODE", value_parser = upm_control::Guards::CODES)]
-    pub without_guard: Option<String>,
+    #[arg(long, value_name = "CODE", value_parser = finding)]
+    pub without_guard: Option<upm_core::job::Finding>,
+}
+
+#[cfg(feature = "mutants")]
+fn finding(code: &str) -> Result<upm_core::job::Finding, String> {
+    use upm_core::job::Finding;
+    Finding::of_code(code).ok_or_else(|| format!("not one of {}", Finding::ALL.map(Finding::code).join(", ")))
 }
 
 /// `upm serve`.

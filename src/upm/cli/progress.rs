@@ -4,7 +4,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::args::Common;
-use upm_control::{Condition, ConditionChange, CycleFacts, EventFacts, EventKind, EventLevel, LocalisedFacts, Sink};
+use upm_control::{CycleFacts, EventFacts, EventKind, EventLevel, FindingChange, Found, LocalisedFacts, Sink};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::run::PacingStats;
 
@@ -24,8 +24,8 @@ const BETWEEN_LINES: Duration = Duration::from_secs(5);
 pub(super) struct RunProgress<'a> {
     shown: LateProgress,
     pacing: &'a PacingStats,
-    /// Conditions already reported as warnings.
-    warned: Vec<Condition>,
+    /// Findings already reported as warnings.
+    warned: Vec<Found>,
 }
 
 impl<'a> RunProgress<'a> {
@@ -57,11 +57,11 @@ impl Sink for RunProgress<'_> {
     /// Reports a condition as a warning when it begins for the first time; its end and repetitions are information.
     fn event(&mut self, event: &EventFacts) {
         let EventFacts { at, text, .. } = event;
-        let is_known = |condition, change| change != ConditionChange::Began || self.warned.contains(condition);
+        let is_known = |found, change| change != FindingChange::Began || self.warned.contains(found);
         let level = match &event.kind {
-            EventKind::Condition { condition, change, .. } if is_known(condition, *change) => EventLevel::Info,
-            EventKind::Condition { condition, .. } => {
-                self.warned.push(*condition);
+            EventKind::Finding { found, change, .. } if is_known(found, *change) => EventLevel::Info,
+            EventKind::Finding { found, .. } => {
+                self.warned.push(*found);
                 EventLevel::Warning
             }
             _ => event.level,
@@ -141,6 +141,7 @@ mod tests {
 
     use super::super::test_buffer::TestBuffer;
     use super::*;
+    use upm_core::job::Finding;
     use upm_core::time::PlateTime;
 
     #[test]
@@ -158,16 +159,16 @@ mod tests {
         tracing::subscriber::with_default(log.with_writer(move || writer.clone()).finish(), || {
             let pacing = PacingStats::default();
             let mut progress = RunProgress::new(Common { json: false, verbose: 0, quiet: true }, &pacing);
-            let ended = ConditionChange::Ended { times: 2, lasted_s: 0.5 };
+            let ended = FindingChange::Ended { times: 2, lasted_s: 0.5 };
             for (part, change, text) in [
-                (0, ConditionChange::Began, "part 0 is slow"),
+                (0, FindingChange::Began, "part 0 is slow"),
                 (0, ended, "no longer"),
-                (1, ConditionChange::Began, "part 1 is slow"),
-                (0, ConditionChange::Began, "part 0 is slow again"),
+                (1, FindingChange::Began, "part 1 is slow"),
+                (0, FindingChange::Began, "part 0 is slow again"),
             ] {
-                let (at, condition) = (PlateTime::from_secs(1.0), Condition::PartSlow { part });
+                let (at, found) = (PlateTime::from_secs(1.0), Found { finding: Finding::PartSlow, about: Some(part) });
                 let (level, reason) = (EventLevel::Warning, text.to_owned());
-                let kind = EventKind::Condition { condition, change, reason };
+                let kind = EventKind::Finding { found, change, reason };
                 progress.event(&EventFacts { at, level, text: text.to_owned(), kind });
             }
         });

@@ -54,7 +54,9 @@ pub(super) fn load_job(file: &Path, args: &RunArgs) -> Result<JobSpec, Failure> 
     }
     job = job.with_camera(args.camera).with_faults(&args.faults).map_err(Failure::faults)?;
     #[cfg(feature = "mutants")]
-    job.without_guard.clone_from(&args.without_guard);
+    {
+        job.without_guard = args.without_guard;
+    }
     Ok(job)
 }
 

@@ -9,9 +9,9 @@ use std::thread;
 use crate::config::{Diagnostic, JobSpec};
 use crate::run::in_memory::InMemoryRun;
 use crate::run::planner_selection::PlannerSelection;
-use upm_control::{Condition, ConditionChange, EventFacts, EventKind, FrameFacts, Sink};
+use upm_control::{EventFacts, EventKind, FindingChange, FrameFacts, Sink};
 use upm_core::geometry::Vec2;
-use upm_core::job::Outcome;
+use upm_core::job::{Finding, Outcome};
 use upm_core::time::PlateTime;
 use upm_planning::cor_library::Library;
 use upm_planning::task::Setpoints;
@@ -104,13 +104,12 @@ impl Sink for DryRunRecord {
     }
 
     fn event(&mut self, event: &EventFacts) {
-        let EventKind::Condition { condition, change: ConditionChange::Ended { times, .. }, reason } = &event.kind
-        else {
+        let EventKind::Finding { found, change: FindingChange::Ended { times, .. }, reason } = &event.kind else {
             return;
         };
         let is_limit = matches!(
-            condition,
-            Condition::StepsMeetEdge | Condition::StepsMeetParts | Condition::StepsUnreachable | Condition::SolverFails
+            found.finding,
+            Finding::StepsMeetEdge | Finding::StepsMeetParts | Finding::StepsUnreachable | Finding::SolverFails
         );
         if is_limit {
             *self.limits_met.entry(reason.clone()).or_default() += times;

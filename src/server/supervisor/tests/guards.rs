@@ -81,16 +81,16 @@ fn job_with_a_library_is_refused() {
 }
 
 #[test]
-fn condition_of_the_run_is_shown_while_it_holds_with_a_remedy() {
+fn finding_of_the_run_is_shown_while_it_holds_with_a_remedy() {
     let test_plates = TestPlates { allow_faults: true, ..TestPlates::new() };
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     let fault = r#""faults": [{"component": "camera", "kind": "dark", "from_s": 0.5, "to_s": 2.0}], "seed""#;
     let id = test_plates.submit(plate, &HOLD.replace("\"seed\"", fault), Pace::RealTime);
     until_seen(plate, &id);
-    let shown = || plate.snapshot().conditions;
+    let shown = || plate.snapshot().findings;
     assert_eq!(shown(), [], "all is well at first");
-    let held = eventually("a condition", || shown().pop());
+    let held = eventually("a finding", || shown().pop());
     assert_eq!(held.code, "camera_dark");
     assert!(!held.reason.is_empty() && !held.remedy.is_empty(), "{held:?}");
     eventually_true("it ends", || shown().is_empty());

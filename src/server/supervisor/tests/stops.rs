@@ -5,7 +5,7 @@ use std::thread;
 
 use super::*;
 use crate::supervisor::emergency_stop::StopState;
-use upm_core::job::StopCause;
+use upm_core::job::{Finding, StopCause};
 use upm_core::time::{Clock, PlateTime};
 use upm_recording::{RecordingHandle, WriterStatus};
 use upm_runner::run::ExternalStop;
@@ -96,7 +96,7 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     let begin = |job| shared.job.begin(job, false, RecordingHandle::default(), WriterStatus::default());
     let frame = || shared.job.heartbeat.frame(plate.clock.elapsed(), PlateTime::ZERO, true);
     let trip_watchdog = |job: &JobId| {
-        shared.fail_job(job, ExternalStop::of(StopCause::Hung, "no frame came"));
+        shared.fail_job(job, ExternalStop::of(Finding::Hung, "no frame came"));
         shared.emergency_stop.interlock.tripped()
     };
     begin(first);
@@ -111,7 +111,7 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
     assert_eq!(shared.job.driven().map(|(job, _)| job), Some(second));
     assert_eq!(trip_watchdog(&first), None, "it is the next one's turn");
     assert_eq!(trip_watchdog(&second), Some(Trip::Watchdog));
-    assert_eq!(shared.job.end(), Some(ExternalStop::of(StopCause::Hung, "no frame came")));
+    assert_eq!(shared.job.end(), Some(ExternalStop::of(Finding::Hung, "no frame came")));
 }
 
 #[test]
@@ -159,7 +159,7 @@ fn hung_controller_trips_the_watchdog() {
     let cause = shared.cause().unwrap();
     assert_eq!(
         (shared.emergency_stop.interlock.tripped(), cause.cause),
-        (Some(Trip::Watchdog), StopCause::Hung),
+        (Some(Trip::Watchdog), StopCause::Found(Finding::Hung)),
         "{cause:?}"
     );
 }

@@ -48,7 +48,7 @@ fn a_run_that_goes_on_is_left_alone() {
 #[test]
 fn controller_that_takes_no_frame_is_reported() {
     let found = first_found(&mut watchdog(), 1000, 90_000, frames_until(2000));
-    assert_eq!(found, fault(32_010, StopCause::Hung, "no frame came for 30.0 s: the controller hangs"));
+    assert_eq!(found, fault(32_010, StopCause::Found(Finding::Hung), "no frame came for 30.0 s: the controller hangs"));
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn unseen_parts_are_reported() {
         heartbeat.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), now_ms < 3000);
     };
     let found = first_found(&mut watchdog(), 1000, 9000, blind);
-    assert_eq!(found, fault(3500, StopCause::NoPartSeen, "no part was seen for 0.5 s of plate time"));
+    assert_eq!(found, fault(3500, StopCause::Found(Finding::NoPartSeen), "no part was seen for 0.5 s of plate time"));
 }
 
 #[test]
@@ -84,7 +84,10 @@ fn a_journal_that_waits_for_the_disk_is_reported() {
         })
     };
     assert_eq!(first(u64::MAX), None);
-    assert_eq!(first(3000), fault(3510, StopCause::JournalBlocked, "the journal could not be written for 0.5 s"));
+    assert_eq!(
+        first(3000),
+        fault(3510, StopCause::Found(Finding::JournalBlocked), "the journal could not be written for 0.5 s")
+    );
 }
 
 #[test]
@@ -113,5 +116,5 @@ fn camera_of_a_low_rate_may_miss_a_few_frames() {
     };
     assert_eq!(found(|ms| ms != 5000), None);
     let reason = "no part was seen for 4.0 s of plate time";
-    assert_eq!(found(|ms| ms < 5000), fault(8000, StopCause::NoPartSeen, reason));
+    assert_eq!(found(|ms| ms < 5000), fault(8000, StopCause::Found(Finding::NoPartSeen), reason));
 }
