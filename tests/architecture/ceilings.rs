@@ -6,7 +6,7 @@ use super::rules::Source;
 
 /// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
 /// capability is worth it, and lowered when its crate shrinks.
-const CEILINGS: [(&str, usize); 15] = [
+const CEILINGS: [(&str, usize); 14] = [
     ("chart", 790),
     ("control", 4280),
     ("core", 2390),
@@ -14,7 +14,6 @@ const CEILINGS: [(&str, usize); 15] = [
     ("lab", 6360),
     ("perception", 5080),
     ("planning", 6590),
-    ("qp", 90),
     ("recording", 1360),
     ("runner", 5140),
     ("scene", 890),
