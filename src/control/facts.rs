@@ -1,6 +1,6 @@
 use super::condition::{Condition, ConditionChange};
 use upm_core::geometry::Vec2;
-use upm_core::job::{Outcome, RecordingEnd, StopCause};
+use upm_core::job::{Outcome, StopCause};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
 use upm_perception::estimation::{FitFault, PlateFit};
@@ -146,7 +146,7 @@ pub enum EventKind {
         cause: Option<StopCause>,
     },
     /// The recording ended before the run did.
-    RecordingEnded(RecordingEnd),
+    RecordingEnded,
 }
 
 impl EventFacts {

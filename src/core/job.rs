@@ -26,15 +26,6 @@ coded_enum! {
 }
 
 coded_enum! {
-    /// How a recording ended that does not hold its whole run.
-    #[derive(schemars::JsonSchema)]
-    pub enum RecordingEnd {
-        /// Something could not be recorded.
-        RecordingFailed = "recording_failed",
-    }
-}
-
-coded_enum! {
     /// How fast plate time passes.
     #[derive(Default, schemars::JsonSchema)]
     pub enum Pace {

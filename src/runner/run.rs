@@ -220,9 +220,7 @@ impl Session<'_> {
         let mut report = stats.report(ending(job, Some(setup), finish, wall_time_s));
         report.recording = options.recording_options.recording.ended_early();
         report.warnings = warning.into_iter().collect();
-        if options.real_time {
-            report.pacing = controls.pacing.report(missed_before);
-        }
+        report.pacing = options.real_time.then(|| controls.pacing.report(missed_before));
         report.verdict = verdict(job, &report);
         let reported = folder.write_report(&report);
         report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
@@ -299,7 +297,7 @@ fn finish_recording(sink: RerunSink, options: &RunOptions) -> Option<String> {
     let has_viewer = matches!(options.rerun, RerunMode::Connect { .. } | RerunMode::Spawn);
     let finished = sink.finish();
     match (finished, options.recording_options.recording.ended_early()) {
-        (_, Some(end)) => Some(end.text),
+        (_, Some(text)) => Some(text),
         (Err(error), None) => Some(error.to_string()),
         (Ok(false), None) if has_viewer => {
             Some("the viewer did not take the whole run; the recording in the run folder is whole".into())

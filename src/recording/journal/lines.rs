@@ -9,11 +9,14 @@ use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, points
 use crate::motion::MotionRecord;
 use crate::wave::off_part;
 use upm_control::{ConditionChange, ConfirmedFacts, CycleFacts, EventFacts, EventKind, LocalisedFacts, PulseFacts};
-use upm_core::job::{Outcome, RecordingEnd, StopCause};
+use upm_core::job::{Outcome, StopCause};
 use upm_core::signal::{Harmonic, MOTORS, TwistWave};
 use upm_perception::estimation::PlateFit;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::{Limit, Plan, PlanStatus, PlannedPulse};
+
+/// Code of the event of a recording that ended early.
+pub const RECORDING_FAILED: &str = "recording_failed";
 
 /// A line of `journal.jsonl`. Lengths are millimetres in the table frame, times seconds of plate time; null replaces a
 /// number that is not finite.
@@ -134,7 +137,7 @@ impl<'a> JournalLine<'a> {
                 })
             }
             EventKind::RunEnded { outcome, cause } => Some(DetailPart::RunEnded { outcome, code: cause }),
-            EventKind::RecordingEnded(code) => Some(DetailPart::RecordingEnded { code }),
+            EventKind::RecordingEnded => Some(DetailPart::RecordingEnded { code: RECORDING_FAILED }),
         };
         Self::Event { at_s: seconds(event.at), level: event.level.name(), text: &event.text, detail }
     }
@@ -368,6 +371,7 @@ pub(super) enum DetailPart {
         code: Option<StopCause>,
     },
     RecordingEnded {
-        code: RecordingEnd,
+        #[schemars(extend("const" = "recording_failed"))]
+        code: &'static str,
     },
 }

@@ -90,7 +90,7 @@ impl FaultEntry {
         };
         Self {
             component: spec.component.name(),
-            kind: spec.kind.name().to_owned(),
+            kind: spec.kind.code().to_owned(),
             value,
             from_s: spec.from.secs(),
             to_s: spec.to.map(PlateTime::secs),
@@ -167,8 +167,8 @@ fn spec(entry: &FaultEntry, parts: usize, at: &Path, faults: &mut Diagnostics) -
         let allowed = format!("part0 to part{}", parts.saturating_sub(1));
         faults.require(part < parts, at.key("component"), &entry.component, allowed);
     }
-    let Some(kind) = component.kinds().find(|kind| kind.name() == entry.kind) else {
-        let kinds: Vec<&str> = component.kinds().map(FaultKind::name).collect();
+    let Some(kind) = component.kinds().find(|kind| kind.code() == entry.kind) else {
+        let kinds: Vec<&str> = component.kinds().map(FaultKind::code).collect();
         faults.push(at.key("kind"), quoted(&entry.kind), one_of(&entry.kind, &kinds));
         return None;
     };
@@ -196,7 +196,7 @@ fn values(
     let wanted = kind.values();
     let mut values = [0.0; 3];
     if given.len() != wanted.len() {
-        let found = format!("{} for {}", upm_core::document::counted(given.len(), "value"), kind.name());
+        let found = format!("{} for {}", upm_core::document::counted(given.len(), "value"), kind.code());
         faults.push(at, found, text_of_ranges(wanted));
         return None;
     }

@@ -72,7 +72,7 @@ fn faults_within<R: Rig>(setup: &RunSetup<R>) -> Vec<FaultReport> {
     let begun = setup.faults.iter().filter(|fault| fault.from <= now);
     let report = |fault: &FaultSpec| FaultReport {
         component: fault.component.name(),
-        kind: fault.kind.name().to_owned(),
+        kind: fault.kind.code().to_owned(),
         value: fault.values.iter().copied().take(fault.kind.values().len()).collect(),
         from_s: fault.from.secs(),
         to_s: fault.to.map(PlateTime::secs),

@@ -24,7 +24,6 @@ pub struct Plates {
     /// The plates, in the order of the configuration.
     pub plates: Vec<Plate>,
     /// Address and port of the listener whose `POST /v1/estop` stops every plate; null where there is none.
-    #[serde(default)]
     pub stop_listen: Option<String>,
 }
 

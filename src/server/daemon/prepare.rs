@@ -7,7 +7,6 @@ use rustix::process::umask;
 
 use crate::http::{Scope, Tokens};
 use upm_planning::cor_library::Library;
-use upm_recording::RerunMode;
 use upm_runner::config::{DaemonSpec, Diagnostic, PlateSpec, reason};
 use upm_runner::run::{check_places, load_library};
 use upm_viewer::RerunSink;
@@ -43,7 +42,7 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
         faults.extend(reached.map(|(key, address)| fault(spec, key, address.to_string(), allowed)));
     }
     faults.extend(data_fault(spec));
-    let rerun = RerunSink::check(&rerun_of(spec)).err();
+    let rerun = spec.rerun.as_ref().and_then(|mode| RerunSink::check(mode).err());
     faults.extend(rerun.map(|error| fault(spec, "rerun", error.to_string(), "off, save, connect or connect=URL")));
     if !faults.is_empty() {
         return Err(faults);
@@ -52,12 +51,6 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
         tracing::warn!("`read_token_file` alone lets no client submit, cancel, reset or resume; add a `token_file`");
     }
     Ok(Prepared { tokens: Arc::new(tokens), libraries })
-}
-
-/// Destination of the runs' recordings.
-pub(super) fn rerun_of(spec: &DaemonSpec) -> RerunMode {
-    let usual = if upm_viewer::BUILT_IN { RerunMode::Save } else { RerunMode::Off };
-    spec.rerun.clone().unwrap_or(usual)
 }
 
 fn fault(spec: &DaemonSpec, path: &str, found: String, allowed: &str) -> Diagnostic {

@@ -66,7 +66,7 @@ fn end_of(folder: Option<&Path>) -> JobEnd {
     let text = |at: &str| report.as_ref()?.pointer(at)?.as_str();
     let outcome = text("/outcome").and_then(Outcome::of_code);
     let is_recorded = folder.is_some_and(|folder| fs::symlink_metadata(folder.join("run.rrd")).is_ok());
-    let recording = match (outcome, text("/recording/code")) {
+    let recording = match (outcome, text("/recording")) {
         _ if !is_recorded => RecordingStatus::None,
         (None, _) => RecordingStatus::Partial,
         (Some(_), Some(_)) => RecordingStatus::Failed,

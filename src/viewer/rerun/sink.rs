@@ -188,7 +188,7 @@ impl Sink for RerunSink {
 
     fn event(&mut self, event: &EventFacts) {
         // the recorder itself logs the end of the recording
-        if !matches!(event.kind, EventKind::RecordingEnded(_)) {
+        if !matches!(event.kind, EventKind::RecordingEnded) {
             self.send(|| Message::Event(event.clone()));
         }
     }
