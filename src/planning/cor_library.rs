@@ -6,10 +6,10 @@ mod drive;
 #[cfg(test)]
 mod fields_tests;
 mod file;
+mod forms;
 #[cfg(test)]
 mod plate_tests;
 mod probe;
-mod raw;
 pub mod testing;
 mod types;
 mod validate;
@@ -17,5 +17,4 @@ mod validate;
 pub use coil_response::CoilResponse;
 pub(crate) use displacement::bracket;
 pub use drive::{drive_for, motor_harmonics};
-pub use raw::{RawAxes, RawDisplacement, RawEntry, RawFieldResponse, RawLibrary, RawPlateResponse, RawShapes};
 pub use types::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};

@@ -79,13 +79,20 @@ pub struct Report {
     pub guards: Vec<GuardReport>,
     /// Faults of the simulated rig that began within the run.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub faults: Vec<FaultReport>,
+    pub faults: Vec<FaultEntry>,
     /// Why its recording does not hold the whole run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recording: Option<String>,
     /// Problems beside the run itself: a recording that does not hold all of it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+}
+
+impl Report {
+    /// True for a run that reached its goal, in truth, too.
+    pub fn reached_goal(&self) -> bool {
+        self.outcome == Outcome::Completed && self.verdict != Some(Verdict::FalseSuccess)
+    }
 }
 
 /// The JSON Schema (draft 2020-12) of `report.json`.
@@ -144,20 +151,48 @@ pub struct GuardReport {
     pub text: String,
 }
 
-/// A fault of the simulated rig.
+/// One fault of the simulated rig.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct FaultReport {
-    /// The faulty component.
+#[serde(deny_unknown_fields)]
+pub struct FaultEntry {
+    /// Where: `camera`, `light`, `view`, `coil0` to `coil3`, `coils`, `accel0` to `accel3`, `part0` and on, `parts`,
+    /// `plate`, `device`, `clock`.
+    #[schemars(length(min = 1, max = 16))]
     pub component: String,
-    /// Kind of fault.
+    /// The fault; each component has its kinds.
+    #[schemars(length(min = 1, max = 16))]
     pub kind: String,
-    /// Size of the fault.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub value: Vec<f64>,
+    /// How much, where the kind asks for it.
+    pub value: Option<FaultValue>,
     /// From when, s of plate time.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub from_s: f64,
-    /// Plate time of its end, s; `None` for a permanent fault.
+    /// Until when, s; left out: for good.
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub to_s: Option<f64>,
+}
+
+/// One value of a fault, or several.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum FaultValue {
+    /// A number, for kinds with a single value.
+    #[schemars(title = "number")]
+    One(f64),
+    /// A list of one to three numbers, in the order of the kind's values.
+    #[schemars(title = "numbers")]
+    Several(#[schemars(length(min = 1, max = 3))] Vec<f64>),
+}
+
+impl FaultValue {
+    /// Its numbers.
+    pub fn numbers(&self) -> &[f64] {
+        match self {
+            Self::One(value) => std::slice::from_ref(value),
+            Self::Several(values) => values,
+        }
+    }
 }
 
 /// The planner of a run.

@@ -17,11 +17,9 @@ mod in_memory;
 mod journal_failure_tests;
 mod knocks;
 mod library;
-mod library_output;
 #[cfg(test)]
 mod lost_tests;
 mod paced;
-mod planner_forecast;
 mod planner_selection;
 #[cfg(test)]
 mod recording_tests;
@@ -60,8 +58,7 @@ pub use dry_run::{ClosestApproach, DryRun, DryRunRecord, Forecast, PartForecast,
 pub use error::RunError;
 pub use folder::RunFolder;
 pub use in_memory::InMemoryRun;
-pub use library::{check_places, job_library, library_faults, load_library, rig_library};
-pub use library_output::LibraryOutput;
+pub use library::{LibraryOutput, check_places, job_library, library_faults, load_library, rig_library};
 pub use paced::PacingStats;
 pub use planner_selection::PlannerSelection;
 pub use setup::{RunSetup, TruthInJobOrder, planner_params};
@@ -183,10 +180,10 @@ impl Session<'_> {
         folder.write_effective(job, library)?;
         let started = clock.elapsed();
         let mut journal = Journal::new(folder.journal(&options.recording_options)?, Arc::clone(library));
-        let mut stats = RunStats::new(Some(setup.truth()));
+        let mut stats = RunStats::new(Some(setup.truth.clone()));
         let mut recorder = start_recording(options, folder, setup, job, library)?;
         let mut truth_log = TruthLog::of(setup, folder)?;
-        let mut named = TruthInJobOrder::new(setup.truth());
+        let mut named = TruthInJobOrder::new(setup.truth.clone());
         let mut is_lost = false;
         let mut report_end = |sinks: &mut dyn Sink, at| {
             // no motion goes unrecorded
@@ -285,7 +282,7 @@ fn start_recording(
         parts: layout.parts,
         bins: layout.bins,
         paths: layout.paths,
-        truth: Some(setup.truth()),
+        truth: Some(setup.truth.clone()),
     };
     let path = folder.path().join("run.rrd");
     let sink = RerunSink::start(&options.rerun, &path, context, &options.recording_options);

@@ -24,7 +24,7 @@ pub enum Trip {
 }
 
 impl Trip {
-    /// All causes.
+    /// All causes, in the order of the variants.
     pub const ALL: [Self; 4] = [Self::EStop, Self::Lease, Self::Watchdog, Self::Shutdown];
 }
 
@@ -114,12 +114,7 @@ impl StateWord {
 
     #[inline]
     fn tripped(self, why: Trip, at_ns: u64) -> Self {
-        let number = match why {
-            Trip::EStop => 1,
-            Trip::Lease => 2,
-            Trip::Watchdog => 3,
-            Trip::Shutdown => 4,
-        };
+        let number = why as u64 + 1;
         Self(self.released().0 | number << Self::TRIP_SHIFT | at_ns.min(Self::TIME))
     }
 

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use schemars::JsonSchema;
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use upm_core::job::Pace;
 
@@ -19,10 +18,6 @@ file_form!(seconds: f64 => Duration, Duration::from_secs_f64, Duration::as_secs_
 #[serde(deny_unknown_fields)]
 #[schemars(title = "daemon")]
 pub(crate) struct DaemonFile {
-    /// Path or address of this file's schema, for editors. Nothing else reads it.
-    #[serde(rename = "$schema", default)]
-    #[schemars(with = "String")]
-    pub(crate) _schema: IgnoredAny,
     /// Address and port to listen on, as `127.0.0.1:8750`; port 0 is any free one. An address that others can reach
     /// asks for a token.
     #[serde(default = "listen")]

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -17,10 +16,6 @@ use upm_core::job::Bin;
 #[serde(deny_unknown_fields)]
 #[schemars(title = "job")]
 pub struct JobFile {
-    /// Path or address of this file's schema, for editors. Nothing else reads it.
-    #[serde(rename = "$schema", default, skip_serializing)]
-    #[schemars(with = "String")]
-    pub(crate) schema: IgnoredAny,
     /// Name of the job and of its run folder: 1 to 64 letters, digits, `.`, `_` and `-`.
     #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
     pub(crate) name: String,

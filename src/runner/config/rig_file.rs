@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use upm_core::rig::FieldDriveModel;
@@ -14,10 +13,6 @@ use upm_sim::{AccelerometerParams, CameraParams, MotorParams, PlateParams};
 #[serde(deny_unknown_fields)]
 #[schemars(title = "rig")]
 pub struct RigFile {
-    /// Path or address of this file's schema, for editors. Nothing else reads it.
-    #[serde(rename = "$schema", default, skip_serializing)]
-    #[schemars(with = "String")]
-    pub(crate) schema: IgnoredAny,
     /// Name of the rig, for reports and libraries: letters, digits, `.`, `_` and `-`.
     #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
     pub name: String,

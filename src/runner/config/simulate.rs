@@ -2,7 +2,6 @@
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use serde::de::IgnoredAny;
 
 use super::clearance::check_apart;
 use super::placement::PlacedPart;
@@ -21,10 +20,6 @@ use upm_sim::OpenPulse;
 #[serde(deny_unknown_fields)]
 #[schemars(title = "simulate")]
 pub(super) struct ExperimentFile {
-    /// Path or address of this file's schema, for editors. Nothing else reads it.
-    #[serde(rename = "$schema", default)]
-    #[schemars(with = "String")]
-    _schema: IgnoredAny,
     /// The rig: a path relative to this file, or the object itself.
     rig: RigSource,
     /// How the plate moves.

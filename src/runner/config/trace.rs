@@ -1,7 +1,6 @@
 //! Trace files: what the accelerometers saw during one pulse on any rig.
 
 use schemars::JsonSchema;
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -18,10 +17,6 @@ const LEAST_SAMPLES: f64 = 16.0;
 #[serde(deny_unknown_fields)]
 #[schemars(title = "trace")]
 pub(super) struct TraceFile {
-    /// Path or address of this file's schema, for editors. Nothing else reads it.
-    #[serde(rename = "$schema", default, skip_serializing)]
-    #[schemars(with = "String")]
-    schema: IgnoredAny,
     /// Samples a second in every channel; 16 or more to a period of `base_hz`.
     #[schemars(range(min = 16.0, max = 1e6))]
     sample_hz: f64,
@@ -162,7 +157,6 @@ fn pulse_of(file: TraceFile) -> RecordedPulse {
 fn file_of(pulse: &RecordedPulse) -> TraceFile {
     let AccelTrace { sample_hz, first_sample_s, mps2_per_count, count_limit, counts } = pulse.trace.clone();
     TraceFile {
-        schema: IgnoredAny,
         sample_hz,
         first_sample_s,
         mps2_per_count,

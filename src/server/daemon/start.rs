@@ -86,7 +86,7 @@ impl Daemon {
         let KeepSpec { jobs, runs_bytes, standing_runs } = spec.keep;
         let limits = StoreLimits { queued: spec.queue, jobs, runs_bytes, standing_runs };
         let opened = Store::open(&spec.data, &spec.plate_names(), limits, now).map_err(StartFault::Store)?;
-        let (store, recovery) = (Arc::new(opened.store), opened.recovery);
+        let (store, recovery) = (Arc::new(opened.0), opened.1);
         let plates = PlateSupervisor::start(&spec, prepared.libraries, &store, &recovery, clock);
         let plates = plates.map_err(StartFault::Plates)?;
         log_recovery(&recovery, &store, &spec);

@@ -4,9 +4,8 @@ use std::path::Path;
 use rusqlite::Connection;
 use serde_json::Value;
 
-use super::audit::ended_in_order;
 use super::columns::{Json, rows};
-use super::jobs::job_of;
+use super::jobs::{ended_in_order, job_of};
 use super::run_folders::{modified, text_of};
 use super::{AuditEntry, JobEnd, JobState, RecordingStatus, RecoveryReport, Store, StoreFault};
 use crate::states::PauseCause;
