@@ -20,11 +20,11 @@ mod run_io;
 pub use condition::{Condition, ConditionChange};
 pub use cycle::{FinalState, run};
 pub use facts::{
-    ConfirmedFacts, CycleFacts, EventFacts, EventKind, EventLevel, FrameFacts, LocalisedFacts, PulseFacts,
-    PulsePositions, Sink,
+    ConfirmedFacts, CycleFacts, EventFacts, EventKind, FrameFacts, LocalisedFacts, PulseFacts, PulsePositions, Sink,
 };
 pub use guards::Guards;
 pub use params::ControlParams;
 pub use perception::ExpectedPart;
 pub use run_end::RunEnd;
 pub use run_io::RunIo;
+pub use upm_core::job::EventLevel;

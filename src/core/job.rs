@@ -26,6 +26,19 @@ coded_enum! {
 }
 
 coded_enum! {
+    /// Severity of an event.
+    #[derive(schemars::JsonSchema)]
+    pub enum EventLevel {
+        /// The run goes on as it should.
+        Info = "info",
+        /// Something was corrected.
+        Warning = "warning",
+        /// The run ends because of it.
+        Error = "error",
+    }
+}
+
+coded_enum! {
     /// How fast plate time passes.
     #[derive(Default, schemars::JsonSchema)]
     pub enum Pace {
@@ -63,7 +76,6 @@ coded_enum! {
 
 /// Rectangle on the plate for the parts of some kinds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 #[schemars(rename = "BinEntry")]
 pub struct Bin {
     /// Kinds that belong here.
@@ -76,7 +88,6 @@ pub struct Bin {
 
 /// A rectangle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Region {
     /// Lower left corner.
     #[serde(rename = "min", with = "mm_point")]

@@ -6,7 +6,6 @@ mod drive;
 #[cfg(test)]
 mod fields_tests;
 mod file;
-mod forms;
 #[cfg(test)]
 mod plate_tests;
 mod probe;

@@ -153,7 +153,6 @@ pub struct GuardReport {
 
 /// One fault of the simulated rig.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct FaultEntry {
     /// Where: `camera`, `light`, `view`, `coil0` to `coil3`, `coils`, `accel0` to `accel3`, `part0` and on, `parts`,
     /// `plate`, `device`, `clock`.

@@ -20,6 +20,7 @@ mod library;
 #[cfg(test)]
 mod lost_tests;
 mod paced;
+mod planner_forecast;
 mod planner_selection;
 #[cfg(test)]
 mod recording_tests;

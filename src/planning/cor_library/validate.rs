@@ -1,6 +1,6 @@
 use std::f64::consts::TAU;
 
-use super::forms::{DAMPING_RATIO, NATURAL_HZ};
+use super::types::{DAMPING_RATIO, NATURAL_HZ};
 use super::{DisplacementModel, FieldResponse, Library, PlateResponse};
 use upm_core::document::{Diagnostic, Diagnostics, counted};
 use upm_core::geometry::{Twist, Vec2};

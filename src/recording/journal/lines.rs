@@ -9,7 +9,7 @@ use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, points
 use crate::motion::MotionRecord;
 use crate::wave::off_part;
 use upm_control::{ConditionChange, ConfirmedFacts, CycleFacts, EventFacts, EventKind, LocalisedFacts, PulseFacts};
-use upm_core::job::{Outcome, StopCause};
+use upm_core::job::{EventLevel, Outcome, StopCause};
 use upm_core::signal::{Harmonic, MOTORS, TwistWave};
 use upm_perception::estimation::PlateFit;
 use upm_planning::cor_library::Library;
@@ -55,8 +55,7 @@ pub(super) enum JournalLine<'a> {
     /// Something worth a line, a condition that began or ended, or the end of the run.
     Event {
         at_s: Seconds,
-        #[schemars(extend("enum" = ["info", "warning", "error"]))]
-        level: &'static str,
+        level: EventLevel,
         text: &'a str,
         #[serde(flatten)]
         detail: Option<DetailPart>,
@@ -139,7 +138,7 @@ impl<'a> JournalLine<'a> {
             EventKind::RunEnded { outcome, cause } => Some(DetailPart::RunEnded { outcome, code: cause }),
             EventKind::RecordingEnded => Some(DetailPart::RecordingEnded { code: RECORDING_FAILED }),
         };
-        Self::Event { at_s: seconds(event.at), level: event.level.name(), text: &event.text, detail }
+        Self::Event { at_s: seconds(event.at), level: event.level, text: &event.text, detail }
     }
 }
 

@@ -31,7 +31,6 @@ pub(crate) enum FaultList {
 
 /// Faults drawn by a seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct DrawnFaults {
     /// Determines the faults, together with the number of parts.
     pub(crate) seed: u64,

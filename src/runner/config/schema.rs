@@ -4,8 +4,8 @@ use super::daemon_file::DaemonFile;
 use super::job_file::JobFile;
 use super::rig_file::RigFile;
 use super::simulate::ExperimentFile;
-use super::trace::TraceFile;
 use upm_core::document::schema_of;
+use upm_core::signal::RecordedPulse;
 use upm_planning::cor_library::Library;
 
 /// Names that [`schema`] accepts.
@@ -20,7 +20,7 @@ pub fn schema(name: &str) -> Option<Value> {
         "rig" => schema_of::<RigFile>(),
         "simulate" => schema_of::<ExperimentFile>(),
         "library" => schema_of::<Library>(),
-        "trace" => schema_of::<TraceFile>(),
+        "trace" => schema_of::<RecordedPulse>(),
         "daemon" => schema_of::<DaemonFile>(),
         _ => return None,
     }

@@ -29,7 +29,6 @@ pub struct Plates {
 
 /// A request to end an emergency stop.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct ResetRequest {
     /// Name of the operator who inspected the plate.
     #[schemars(length(min = 1, max = 200), extend("pattern" = "\\S"))]

@@ -64,13 +64,11 @@ fn taken<T>(made: Result<T, Vec<Diagnostic>>, faults: &mut Vec<Diagnostic>) -> O
 /// The tokens in the files that `spec` names; their faults are added to `faults`.
 fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Diagnostic>) -> Tokens {
     let mut tokens = Tokens::default();
-    let files = [
-        ("token_file", "operate", &spec.token_file, Scope::Operate),
-        ("read_token_file", "read", &spec.read_token_file, Scope::Read),
-    ];
-    for (key, name, file, scope) in files {
+    let files =
+        [("token_file", &spec.token_file, Scope::Operate), ("read_token_file", &spec.read_token_file, Scope::Read)];
+    for (key, file, scope) in files {
         let Some(file) = file else { continue };
-        let added = secret_in(file).and_then(|secret| tokens.add(name, &secret, scope));
+        let added = secret_in(file).and_then(|secret| tokens.add(scope.code(), &secret, scope));
         if let Err(wrong) = added {
             let allowed = "a file that holds one token: at least 32 visible ASCII characters";
             faults.push(fault(spec, key, format!("{}: {wrong}", file.display()), allowed));
