@@ -3,8 +3,7 @@
 
 use std::f64::consts::TAU;
 
-use super::closed_form::quasi_static_mps;
-use super::part::Sliding;
+use super::part::{Sliding, quasi_static_mps};
 use super::plate::PlateCycle;
 use super::{DYN_N, Feeder};
 use crate::coulomb_pump;
