@@ -1,6 +1,6 @@
 use super::found::{FindingChange, Found};
 use upm_core::geometry::Vec2;
-use upm_core::job::{Outcome, RecordingEnd, StopCause};
+use upm_core::job::{EventLevel, Outcome, StopCause};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
 use upm_perception::estimation::{FitFault, PlateFit};
@@ -146,35 +146,13 @@ pub enum EventKind {
         cause: Option<StopCause>,
     },
     /// The recording ended before the run did.
-    RecordingEnded(RecordingEnd),
+    RecordingEnded,
 }
 
 impl EventFacts {
     /// An event for people alone.
     pub fn note(at: PlateTime, level: EventLevel, text: impl Into<String>) -> Self {
         Self { at, level, text: text.into(), kind: EventKind::Note }
-    }
-}
-
-/// Severity of an event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EventLevel {
-    /// The run goes on as it should.
-    Info,
-    /// Something was corrected.
-    Warning,
-    /// The run ends because of it.
-    Error,
-}
-
-impl EventLevel {
-    /// The name in files and on the network.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Info => "info",
-            Self::Warning => "warning",
-            Self::Error => "error",
-        }
     }
 }
 

@@ -19,8 +19,7 @@ mod run_io;
 
 pub use cycle::{FinalState, run};
 pub use facts::{
-    ConfirmedFacts, CycleFacts, EventFacts, EventKind, EventLevel, FrameFacts, LocalisedFacts, PulseFacts,
-    PulsePositions, Sink,
+    ConfirmedFacts, CycleFacts, EventFacts, EventKind, FrameFacts, LocalisedFacts, PulseFacts, PulsePositions, Sink,
 };
 pub use found::{FindingChange, Found};
 pub use guards::Guards;
@@ -28,3 +27,4 @@ pub use params::ControlParams;
 pub use perception::ExpectedPart;
 pub use run_end::RunEnd;
 pub use run_io::RunIo;
+pub use upm_core::job::EventLevel;

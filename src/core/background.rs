@@ -3,12 +3,13 @@
 use std::fmt;
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
 pub use crossbeam_channel::{Receiver, RecvTimeoutError};
 use crossbeam_channel::{Sender, bounded};
+use parking_lot::Mutex;
 
 use crate::thread_priority::lower_thread_priority;
 
@@ -136,6 +137,34 @@ impl<T: Send + 'static> BackgroundThread<T> {
             RecvTimeoutError::Disconnected => WaitError::Died,
         })
     }
+}
+
+/// Runs `work` on every item, on all cores; the results are in the order of the items, whatever the number of cores.
+/// `progress` receives the share of the items that are done, 0 to 1.
+pub fn on_all_cores<T: Sync, R: Send>(
+    items: &[T],
+    progress: &(dyn Fn(f64) + Sync),
+    work: impl Fn(&T) -> R + Sync,
+) -> Vec<R> {
+    let threads = thread::available_parallelism().map_or(1, |cores| cores.get()).min(items.len().max(1));
+    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::with_capacity(items.len())));
+    let take_turns = || {
+        while let Some((index, item)) = items.iter().enumerate().nth(next.fetch_add(1, Ordering::Relaxed)) {
+            let result = work(item);
+            let mut done = done.lock();
+            done.push((index, result));
+            progress(done.len() as f64 / items.len() as f64);
+        }
+    };
+    thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(take_turns);
+        }
+        take_turns();
+    });
+    let mut done = done.into_inner();
+    done.sort_by_key(|(index, _)| *index);
+    done.into_iter().map(|(_, result)| result).collect()
 }
 
 #[cfg(test)]

@@ -9,14 +9,12 @@ mod homography;
 mod lens;
 mod polyline;
 mod pose;
-mod segment;
 mod twist;
 
 pub use homography::Homography;
 pub use lens::Lens;
-pub use polyline::Polyline;
+pub use polyline::{Polyline, Segment};
 pub use pose::Pose;
-pub use segment::Segment;
 pub use twist::Twist;
 
 /// A planar vector or point: metres unless the name says pixels.

@@ -28,11 +28,15 @@ coded_enum! {
 }
 
 coded_enum! {
-    /// How a recording ended that does not hold its whole run.
+    /// Severity of an event.
     #[derive(schemars::JsonSchema)]
-    pub enum RecordingEnd {
-        /// Something could not be recorded.
-        RecordingFailed = "recording_failed",
+    pub enum EventLevel {
+        /// The run goes on as it should.
+        Info = "info",
+        /// Something was corrected.
+        Warning = "warning",
+        /// The run ends because of it.
+        Error = "error",
     }
 }
 
@@ -74,7 +78,6 @@ coded_enum! {
 
 /// Rectangle on the plate for the parts of some kinds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 #[schemars(rename = "BinEntry")]
 pub struct Bin {
     /// Kinds that belong here.
@@ -87,7 +90,6 @@ pub struct Bin {
 
 /// A rectangle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Region {
     /// Lower left corner.
     #[serde(rename = "min", with = "mm_point")]

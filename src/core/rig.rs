@@ -70,7 +70,6 @@ pub struct RigModel {
 
 /// Synthesised motions: periodic ones of many harmonics, each as long as it takes under an envelope of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct FieldDriveModel {
     /// Base frequency of the motions.
     #[serde(rename = "base_hz", with = "hertz")]

@@ -81,14 +81,12 @@ pub struct MonotonicClock(std::time::Instant);
 impl MonotonicClock {
     /// A clock that reads zero now.
     #[allow(clippy::disallowed_methods, clippy::new_without_default)] // the one place that reads the clock
-    #[inline]
     pub fn new() -> Self {
         Self(std::time::Instant::now())
     }
 }
 
 impl Clock for MonotonicClock {
-    #[inline]
     fn elapsed(&self) -> Duration {
         self.0.elapsed()
     }

@@ -27,6 +27,16 @@ fn without_rounding_error(number: f64) -> f64 {
     (number * 1e9).round() / 1e9
 }
 
+/// A whole number as the default of one in a file: `#[serde(default = "whole::<5>")]`.
+pub fn whole<const NUMBER: u32>() -> f64 {
+    f64::from(NUMBER)
+}
+
+/// The same in thousandths: `#[serde(default = "thousandths::<20>")]` is 0.02.
+pub fn thousandths<const NUMBER: u32>() -> f64 {
+    f64::from(NUMBER) / 1e3
+}
+
 /// A module for `#[serde(with = ...)]`: how a value in a file becomes the quantity, and back.
 #[macro_export]
 macro_rules! file_form {

@@ -1,9 +1,10 @@
 use super::numerics::rms;
 use super::pulses::envelope;
 use super::shaken::{BarePlate, steady_motion};
-use super::sweep::{Progress, parallel};
+use super::sweep::Progress;
 use super::texts::figures;
 use super::{ExperimentResult, Figure, LabFault, LabRig};
+use upm_core::background::on_all_cores;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::nearest_pump;
@@ -33,7 +34,7 @@ pub fn cor_map(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult,
         let drive = lab.drive_around(lab.model.motor_arrangement.turned(entry.amplitudes), &axes.shapes, envelope);
         ReadCenter { read: entry.pump, truth: nearest_pump(&steady_motion(lab, &drive), arm_m).0 }
     };
-    let read: Vec<ReadCenter> = parallel(&entries, progress, read);
+    let read: Vec<ReadCenter> = on_all_cores(&entries, progress, read);
     let half_side_m = 0.5 * lab.model.plate_side_m;
     Ok(ExperimentResult { figures: figures_of(&read, half_side_m).into(), ..ExperimentResult::default() })
 }

@@ -3,13 +3,12 @@
 //!
 //! The part is a point: a block that cannot turn about the vertical has the same friction wherever its pressure is.
 
-mod closed_form;
 mod part;
 mod plate;
 mod published;
 
-use self::closed_form::{quasi_static_mps, viscosity_nspm};
 use self::part::Sliding;
+use self::part::{quasi_static_mps, viscosity_nspm};
 use self::plate::PlateCycle;
 pub use self::published::reproduce;
 use super::settings::{Field, Setting, settings};

@@ -4,8 +4,9 @@ use nalgebra::Complex;
 use rand::RngExt;
 
 use super::shaken::{BarePlate, steady_motion};
-use super::sweep::{Progress, parallel};
+use super::sweep::Progress;
 use super::{LabFault, LabRig};
+use upm_core::background::on_all_cores;
 use upm_core::random::{Rng, Streams};
 use upm_core::signal::{Drive, Envelope, Harmonic};
 use upm_perception::estimation::{AccelerometerPair, Coefficients, force_sign};
@@ -30,7 +31,7 @@ pub(super) fn wrong_signs(lab: &LabRig, count: usize, progress: Progress<'_>) ->
     };
     let drives: Vec<(Drive, f64)> = std::iter::repeat_with(draw).flatten().take(count).collect();
     let shares: Vec<&[(Drive, f64)]> = drives.chunks(DRIVES).collect();
-    let wrong = parallel(&shares, progress, |share| {
+    let wrong = on_all_cores(&shares, progress, |share| {
         let mut plate = BarePlate::new(lab);
         let mut wrong = 0;
         for (drive, truth) in *share {

@@ -24,7 +24,6 @@ mod reference;
 mod rock;
 mod settings;
 mod shaken;
-mod spectrum;
 mod sweep;
 mod table;
 #[cfg(test)]

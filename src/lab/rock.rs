@@ -6,7 +6,6 @@ mod elliptic;
 mod motion;
 mod orbit;
 mod published;
-mod raising;
 mod selection;
 mod stability;
 mod wave;

@@ -1,13 +1,9 @@
 //! One parameter over a range, its points in parallel: `--sweep duty=0.5:1:26`.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
-
-use parking_lot::Mutex;
-
 use super::settings::key_and_numbers;
 use super::{DataSheet, ExperimentResult, Figure, LabFault};
 use upm_chart::{Chart, Color};
+use upm_core::background::on_all_cores;
 
 /// Most points of a sweep.
 const MOST_POINTS: usize = 10_000;
@@ -59,7 +55,7 @@ impl Sweep {
         progress: Progress<'_>,
     ) -> Result<ExperimentResult, LabFault> {
         let values = self.values();
-        let found = parallel(&values, progress, |&value| measure(value));
+        let found = on_all_cores(&values, progress, |&value| measure(value));
         let Some(first) = found.iter().flatten().next() else {
             return Err(found.into_iter().find_map(Result::err).unwrap_or(LabFault::Setting("no points".into())));
         };
@@ -116,33 +112,10 @@ fn heading(figure: &Figure) -> String {
     if figure.unit == "1" { figure.name.clone() } else { format!("{} ({})", figure.name, figure.unit) }
 }
 
-/// Runs `work` on every item, on all cores; the results are in the order of the items, whatever the number of cores.
-pub(super) fn parallel<T: Sync, R: Send>(items: &[T], progress: Progress<'_>, work: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let threads = thread::available_parallelism().map_or(1, |cores| cores.get()).min(items.len().max(1));
-    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::with_capacity(items.len())));
-    let take_turns = || {
-        loop {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(index) else { break };
-            let result = work(item);
-            let mut done = done.lock();
-            done.push((index, result));
-            progress(done.len() as f64 / items.len() as f64);
-        }
-    };
-    thread::scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(take_turns);
-        }
-        take_turns();
-    });
-    let mut done = done.into_inner();
-    done.sort_by_key(|(index, _)| *index);
-    done.into_iter().map(|(_, result)| result).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use std::sync::Mutex;
+
     use super::*;
 
     #[test]
@@ -157,13 +130,13 @@ mod tests {
             }),
         };
         let seen = Mutex::new(Vec::new());
-        let outcome = sweep.run(measure, &|share| seen.lock().push(share)).unwrap();
+        let outcome = sweep.run(measure, &|share| seen.lock().unwrap().push(share)).unwrap();
         let sheet = outcome.sheet.unwrap();
         assert_eq!(sheet.columns, ["x", "square (mm)", "square (mm): reference"]);
         let squares: Vec<f64> = sheet.rows.iter().map(|row| row[1]).filter(|square| !square.is_nan()).collect();
         assert_eq!(squares, [0.0, 1.0, 4.0, 9.0, 25.0, 36.0, 49.0, 64.0, 81.0]);
         assert_eq!(outcome.notes, ["x=0 to 2: small", "x=4: four"]);
-        let seen = seen.into_inner();
+        let seen = seen.into_inner().unwrap();
         assert!(seen.len() == 10 && seen.is_sorted() && seen[9] == 1.0, "{seen:?}");
         let all_fail = |_| Err(LabFault::Setting("never".into()));
         assert_eq!(sweep.run(all_fail, &|_| ()).unwrap_err(), LabFault::Setting("never".into()));

@@ -3,8 +3,9 @@
 mod verdict_counts;
 mod verdicts;
 
-use super::sweep::{Progress, parallel};
+use super::sweep::Progress;
 use super::{ExperimentResult, LabFault, LabRig};
+use upm_core::background::on_all_cores;
 use upm_scene::{Difficulty, Scene};
 use verdict_counts::VerdictCounts;
 use verdicts::evaluate;
@@ -29,7 +30,7 @@ pub fn vision_of(seed: u64, scenes: usize, progress: Progress<'_>) -> Experiment
     let scene = |difficulty| seeds.clone().map(move |seed| (difficulty, seed));
     let all: Vec<(Difficulty, u64)> = Difficulty::ALL.into_iter().flat_map(scene).collect();
     let verdicts =
-        parallel(&all, progress, |&(difficulty, seed)| evaluate(difficulty, &Scene::generate(difficulty, seed)));
+        on_all_cores(&all, progress, |&(difficulty, seed)| evaluate(difficulty, &Scene::generate(difficulty, seed)));
     let counts = |(difficulty, verdicts): (_, &[_])| VerdictCounts { difficulty, verdicts: verdicts.to_vec() };
     let tallies: Vec<VerdictCounts> =
         Difficulty::ALL.into_iter().zip(verdicts.chunks(scenes.max(1))).map(counts).collect();

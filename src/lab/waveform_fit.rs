@@ -98,9 +98,9 @@ fn add_resonances(lab: &LabRig, plate: &mut BarePlate, outcome: &mut ExperimentR
 mod tests {
     use super::super::testing::{assert_sources_are_short, lab_rig};
     use super::*;
-    use crate::sweep::parallel;
     use nalgebra::Complex;
     use rand::RngExt;
+    use upm_core::background::on_all_cores;
     use upm_core::random::Streams;
     use upm_perception::estimation::AxisPhasors;
 
@@ -186,7 +186,7 @@ mod tests {
             lab
         };
         let rigs: Vec<LabRig> = (0..24).map(&mut random_rig).collect();
-        for (lab, (amplitude, phase_deg)) in rigs.iter().zip(parallel(&rigs, &|_| (), worst_after_calibration)) {
+        for (lab, (amplitude, phase_deg)) in rigs.iter().zip(on_all_cores(&rigs, &|_| (), worst_after_calibration)) {
             assert!(amplitude < 0.01 && phase_deg < 1.0, "{:?}: {amplitude}, {phase_deg}°", lab.sim.plate);
         }
     }

@@ -9,7 +9,6 @@ mod file;
 #[cfg(test)]
 mod plate_tests;
 mod probe;
-mod raw;
 pub mod testing;
 mod types;
 mod validate;
@@ -17,5 +16,4 @@ mod validate;
 pub use coil_response::CoilResponse;
 pub(crate) use displacement::bracket;
 pub use drive::{drive_for, motor_harmonics};
-pub use raw::{RawAxes, RawDisplacement, RawEntry, RawFieldResponse, RawLibrary, RawPlateResponse, RawShapes};
 pub use types::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};

@@ -2,5 +2,6 @@
 
 pub mod cor_library;
 pub mod planner;
+mod qp;
 pub mod shapes;
 pub mod task;

@@ -1,7 +1,6 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use super::report::RecordingReport;
 use upm_control::{EventFacts, EventKind, EventLevel, Sink};
 use upm_core::time::PlateTime;
 
@@ -49,10 +48,10 @@ impl RecordingHandle {
         self.0.bytes.load(Ordering::Relaxed)
     }
 
-    /// The report of a recording that does not hold the whole run.
-    pub fn ended_early(&self) -> Option<RecordingReport> {
+    /// Why the recording does not hold the whole run, if it has failed.
+    pub fn ended_early(&self) -> Option<String> {
         match self.0.end.get() {
-            Some(RecordingState::Failed(reason)) => Some(RecordingReport::failed(reason)),
+            Some(RecordingState::Failed(reason)) => Some(format!("the recording ends early: {reason}")),
             _ => None,
         }
     }
@@ -80,9 +79,9 @@ impl RecordingHandle {
 
 /// Reports to `sinks`, once, that a recording has ended before its run.
 pub fn report_recording_end(recording: &RecordingHandle, sinks: &mut dyn Sink, at: PlateTime) {
-    let Some(RecordingReport { code, text }) = recording.ended_early() else { return };
+    let Some(text) = recording.ended_early() else { return };
     if !recording.0.is_reported.swap(true, Ordering::AcqRel) {
-        sinks.event(&EventFacts { at, level: EventLevel::Warning, text, kind: EventKind::RecordingEnded(code) });
+        sinks.event(&EventFacts { at, level: EventLevel::Warning, text, kind: EventKind::RecordingEnded });
     }
 }
 
@@ -111,7 +110,7 @@ mod tests {
         handle.fail("no space");
         handle.close();
         assert_eq!(handle.state(), RecordingState::Failed("no space".into()));
-        assert_eq!(handle.ended_early(), Some(RecordingReport::failed("no space")));
+        assert_eq!(handle.ended_early(), Some("the recording ends early: no space".to_owned()));
         (0..2).for_each(|_| report_recording_end(&handle.clone(), &mut events, PlateTime::ZERO));
         assert_eq!(events.0, 1);
     }

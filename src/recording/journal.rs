@@ -8,7 +8,7 @@ use self::lines::{JournalLine, SentLine};
 use upm_control::{ConfirmedFacts, CycleFacts, EventFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_planning::cor_library::Library;
 
-pub use lines::journal_schema;
+pub use lines::{RECORDING_FAILED, journal_schema};
 
 /// Writes `journal.jsonl`: one JSON object per line, each with a `type`.
 ///

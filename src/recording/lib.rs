@@ -23,14 +23,14 @@ mod wave;
 pub use background_writer::{BackgroundWriter, SyncWrite};
 pub use fanout::Fanout;
 pub use handle::{RecordingHandle, RecordingState, report_recording_end};
-pub use journal::{Journal, journal_schema};
+pub use journal::{Journal, RECORDING_FAILED, journal_schema};
 pub use lengths::rounded;
 pub use motion::MotionRecord;
 pub use options::{RecordingOptions, WriterStatus};
 pub use outline::outline_px;
 pub use report::{
-    CycleError, FaultReport, GuardReport, PacingReport, PartReport, PathReport, PlannerReport, PredictionError,
-    RecordingReport, Report, SelectedBy, StopReport, Verdict, report_schema,
+    CycleError, FaultEntry, FaultValue, GuardReport, PacingReport, PartReport, PathReport, PlannerReport,
+    PredictionError, Report, SelectedBy, StopReport, Verdict, report_schema,
 };
 pub use rerun_mode::{BadRerunMode, RerunMode};
 pub use run_stats::RunStats;

@@ -6,7 +6,7 @@ use super::lengths::{mm, point_mm};
 use super::timings::TimingsReport;
 use upm_core::document::schema_of;
 use upm_core::geometry::Vec2;
-use upm_core::job::{CameraMode, Outcome, RecordingEnd, StopCause};
+use upm_core::job::{CameraMode, Outcome, StopCause};
 
 /// `report.json`. Lengths in mm, to 1e-4.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -18,20 +18,19 @@ pub struct Report {
     /// Version of this program.
     pub version: String,
     /// Pictures from the camera, or positions in their place.
-    #[serde(default)]
     pub camera: CameraMode,
-    /// The planner that ran and why; `None` in reports of versions that did not record it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// The planner that ran and why; `None` where the run did not begin.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub planner: Option<PlannerReport>,
     /// How the run ended.
     pub outcome: Outcome,
     /// Why, in words.
     pub reason: String,
     /// Whether the truth agrees that the goal was reached; only on a simulated rig.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
     /// The cause of its end, where it has a code.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub stop: Option<StopReport>,
     /// The experiment's own time, s.
     pub plate_time_s: f64,
@@ -49,18 +48,17 @@ pub struct Report {
     pub collisions: Option<u64>,
     /// Number of parts that were missing for so long that the run ended.
     pub lost_parts: usize,
-    /// How plate time kept to the clock.
+    /// How plate time kept to the clock; `None` for a run at full speed.
     #[serde(flatten)]
-    pub pacing: PacingReport,
+    pub pacing: Option<PacingReport>,
     /// Largest distance of a part from its target at the end, from truth where there is one; `None` without targets.
     pub max_error_mm: Option<f64>,
     /// Root mean square of those distances.
     pub rms_error_mm: Option<f64>,
     /// Their mean: the error E of the UPM paper (Eq. 3) for the whole run.
-    #[serde(default)]
     pub mean_error_mm: Option<f64>,
     /// The same error of each cycle; `None` without a cycle.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub cycle_error_mm: Option<CycleError>,
     /// Root mean square distance of measured from true positions over every frame that shows the part; `None` without
     /// truth.
@@ -77,17 +75,24 @@ pub struct Report {
     /// Durations, µs of wall time.
     pub timing_us: TimingsReport,
     /// Guards that fired, in the order in which they did.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub guards: Vec<GuardReport>,
     /// Faults of the simulated rig that began within the run.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub faults: Vec<FaultReport>,
-    /// How its recording ended, unless it holds the whole run.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub recording: Option<RecordingReport>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<FaultEntry>,
+    /// Why its recording does not hold the whole run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recording: Option<String>,
     /// Problems beside the run itself: a recording that does not hold all of it.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+}
+
+impl Report {
+    /// True for a run that reached its goal, in truth, too.
+    pub fn reached_goal(&self) -> bool {
+        self.outcome == Outcome::Completed && self.verdict != Some(Verdict::FalseSuccess)
+    }
 }
 
 /// The JSON Schema (draft 2020-12) of `report.json`.
@@ -95,18 +100,15 @@ pub fn report_schema() -> Value {
     schema_of::<Report>().clone()
 }
 
-/// How plate time kept to the clock; empty for a run at full speed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// How plate time kept to the clock.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PacingReport {
-    /// Deadlines missed; only where plate time kept to the clock.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub deadline_misses: Option<u64>,
+    /// Deadlines missed.
+    pub deadline_misses: u64,
     /// Largest lateness, whole frames.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub worst_late_frames: Option<u64>,
+    pub worst_late_frames: u64,
     /// Total lag of plate time behind the clock, s: the plate waited for this computer.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub behind_s: Option<f64>,
+    pub behind_s: f64,
 }
 
 /// Parts against their paths in every frame between the first and the last points of the paths, from truth where there
@@ -125,22 +127,6 @@ pub struct PathReport {
     pub speed_asked_mm_s: Option<f64>,
     /// Mean speed along the path that it held in plate time.
     pub speed_held_mm_s: Option<f64>,
-}
-
-/// The end of a recording that does not hold the whole run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct RecordingReport {
-    /// Stable code.
-    pub code: RecordingEnd,
-    /// The same in words.
-    pub text: String,
-}
-
-impl RecordingReport {
-    /// The report of a recording that failed for this reason.
-    pub fn failed(reason: &str) -> Self {
-        Self { code: RecordingEnd::RecordingFailed, text: format!("the recording ends early: {reason}") }
-    }
 }
 
 /// Verdict of the ground truth on an outcome.
@@ -165,20 +151,47 @@ pub struct GuardReport {
     pub text: String,
 }
 
-/// A fault of the simulated rig.
+/// One fault of the simulated rig.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct FaultReport {
-    /// The faulty component.
+pub struct FaultEntry {
+    /// Where: `camera`, `light`, `view`, `coil0` to `coil3`, `coils`, `accel0` to `accel3`, `part0` and on, `parts`,
+    /// `plate`, `device`, `clock`.
+    #[schemars(length(min = 1, max = 16))]
     pub component: String,
-    /// Kind of fault.
+    /// The fault; each component has its kinds.
+    #[schemars(length(min = 1, max = 16))]
     pub kind: String,
-    /// Size of the fault.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub value: Vec<f64>,
+    /// How much, where the kind asks for it.
+    pub value: Option<FaultValue>,
     /// From when, s of plate time.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub from_s: f64,
-    /// Plate time of its end, s; `None` for a permanent fault.
+    /// Until when, s; left out: for good.
+    #[schemars(range(min = 0.0, max = 1e6))]
     pub to_s: Option<f64>,
+}
+
+/// One value of a fault, or several.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum FaultValue {
+    /// A number, for kinds with a single value.
+    #[schemars(title = "number")]
+    One(f64),
+    /// A list of one to three numbers, in the order of the kind's values.
+    #[schemars(title = "numbers")]
+    Several(#[schemars(length(min = 1, max = 3))] Vec<f64>),
+}
+
+impl FaultValue {
+    /// Its numbers.
+    pub fn numbers(&self) -> &[f64] {
+        match self {
+            Self::One(value) => std::slice::from_ref(value),
+            Self::Several(values) => values,
+        }
+    }
 }
 
 /// The planner of a run.
@@ -264,8 +277,8 @@ pub struct StopReport {
     pub code: StopCause,
     /// The same in words, with the remedy.
     pub text: String,
-    /// Advice on what to check or change; `None` without advice, and in reports of versions that gave none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Advice on what to check or change; `None` without advice.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
 }
 

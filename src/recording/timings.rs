@@ -16,10 +16,8 @@ pub struct Timings<T: Default = Durations> {
     /// Planning of one cycle.
     pub plan: T,
     /// Plans among these that begin a sequence of pulses.
-    #[serde(default)]
     pub plan_new: T,
     /// Plans among these that correct the current sequence; zeros for planners without sequences.
-    #[serde(default)]
     pub plan_correction: T,
     /// Whole cycles.
     pub cycle: T,

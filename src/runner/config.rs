@@ -14,7 +14,6 @@
 
 mod bins;
 mod clearance;
-mod corridor;
 mod daemon;
 mod daemon_file;
 mod drawings;
@@ -43,9 +42,9 @@ mod trace;
 mod view;
 
 pub use clearance::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
-pub(crate) use corridor::{FIELD_SCATTER_M, accuracy_m};
 pub use daemon::{DaemonSpec, PlateSpec, StandingSpec};
 pub use daemon_file::{KeepSpec, WatchdogSpec};
+pub(crate) use faults::fault_entry;
 pub use job::JobSpec;
 pub use job_file::{Assignment, DeadlinePolicy, JobFile, LibraryRef, PlannerChoice};
 pub use kinds::{KindSpec, PartGroup};
@@ -57,6 +56,7 @@ pub use rig_file::{FrictionSection, Knocks, RigFile, RigSource, SimulationSectio
 pub use schema::{schema, schema_names};
 pub use simulate::SimulateSpec;
 pub use task::TaskSpec;
+pub(crate) use task::{FIELD_SCATTER_M, accuracy_m};
 pub use trace::{load_trace, trace_from_json, trace_to_json};
 pub use upm_core::document::{
     Diagnostic, DiagnosticClass, Document, MOST_BYTES, Path, TextPosition, listed, nearest, one_of, reason, text_of,

@@ -17,7 +17,6 @@ mod in_memory;
 mod journal_failure_tests;
 mod knocks;
 mod library;
-mod library_output;
 #[cfg(test)]
 mod lost_tests;
 mod paced;
@@ -60,8 +59,7 @@ pub use dry_run::{ClosestApproach, DryRun, DryRunRecord, Forecast, PartForecast,
 pub use error::RunError;
 pub use folder::RunFolder;
 pub use in_memory::InMemoryRun;
-pub use library::{check_places, job_library, library_faults, load_library, rig_library};
-pub use library_output::LibraryOutput;
+pub use library::{LibraryOutput, check_places, job_library, library_faults, load_library, rig_library};
 pub use paced::PacingStats;
 pub use planner_selection::PlannerSelection;
 pub use setup::{RunSetup, TruthInJobOrder, planner_params};
@@ -183,10 +181,10 @@ impl Session<'_> {
         folder.write_effective(job, library)?;
         let started = clock.elapsed();
         let mut journal = Journal::new(folder.journal(&options.recording_options)?, Arc::clone(library));
-        let mut stats = RunStats::new(Some(setup.truth()));
+        let mut stats = RunStats::new(Some(setup.truth.clone()));
         let mut recorder = start_recording(options, folder, setup, job, library)?;
         let mut truth_log = TruthLog::of(setup, folder)?;
-        let mut named = TruthInJobOrder::new(setup.truth());
+        let mut named = TruthInJobOrder::new(setup.truth.clone());
         let mut is_lost = false;
         let mut report_end = |sinks: &mut dyn Sink, at| {
             // no motion goes unrecorded
@@ -220,9 +218,7 @@ impl Session<'_> {
         let mut report = stats.report(ending(job, Some(setup), finish, wall_time_s));
         report.recording = options.recording_options.recording.ended_early();
         report.warnings = warning.into_iter().collect();
-        if options.real_time {
-            report.pacing = controls.pacing.report(missed_before);
-        }
+        report.pacing = options.real_time.then(|| controls.pacing.report(missed_before));
         report.verdict = verdict(job, &report);
         let reported = folder.write_report(&report);
         report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
@@ -287,7 +283,7 @@ fn start_recording(
         parts: layout.parts,
         bins: layout.bins,
         paths: layout.paths,
-        truth: Some(setup.truth()),
+        truth: Some(setup.truth.clone()),
     };
     let path = folder.path().join("run.rrd");
     let sink = RerunSink::start(&options.rerun, &path, context, &options.recording_options);
@@ -299,7 +295,7 @@ fn finish_recording(sink: RerunSink, options: &RunOptions) -> Option<String> {
     let has_viewer = matches!(options.rerun, RerunMode::Connect { .. } | RerunMode::Spawn);
     let finished = sink.finish();
     match (finished, options.recording_options.recording.ended_early()) {
-        (_, Some(end)) => Some(end.text),
+        (_, Some(text)) => Some(text),
         (Err(error), None) => Some(error.to_string()),
         (Ok(false), None) if has_viewer => {
             Some("the viewer did not take the whole run; the recording in the run folder is whole".into())

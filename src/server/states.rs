@@ -116,10 +116,8 @@ pub struct PauseCause {
     /// The operator's checks or actions before the plate goes on.
     pub remedy: String,
     /// True where `why` of the plate ends with the remedy, so that it need not be shown again.
-    #[serde(default)]
     pub remedy_in_why: bool,
     /// The cause in words, which is `why` of the plate, too.
-    #[serde(default)]
     pub why: String,
 }
 

@@ -3,7 +3,6 @@
 //! One connection behind a mutex; every call waits for its turn and for the disk. A job is accepted when its row is
 //! committed. A plate's worker calls it while its plate is at rest, clients on threads of their own.
 
-mod audit;
 mod columns;
 mod ids;
 mod jobs;
@@ -48,15 +47,6 @@ pub struct Store {
     runs_bytes: AtomicU64,
 }
 
-/// An open store with the report of its recovery.
-#[derive(Debug)]
-pub struct OpenOutcome {
-    /// Store in the state that recovery left.
-    pub store: Store,
-    /// Findings of the start.
-    pub recovery: RecoveryReport,
-}
-
 /// The connection with what belongs to it.
 #[derive(Debug)]
 struct Opened {
@@ -79,7 +69,8 @@ impl Write<'_> {
 }
 
 impl Store {
-    /// Opens the store in the folder `data`, creating it if needed, and recovers the state that a crash left. Fails
+    /// Opens the store in the folder `data`, creating it if needed, and recovers the state that a crash left, with a
+    /// report. Fails
     /// when another process has the store open, when the folder is not writable, when its disk is full, and, with
     /// nothing changed, when SQLite cannot read the store or it is of another version.
     pub fn open(
@@ -87,7 +78,7 @@ impl Store {
         plates: &[String],
         limits: StoreLimits,
         now: fn() -> Timestamp,
-    ) -> Result<OpenOutcome, StoreFault> {
+    ) -> Result<(Self, RecoveryReport), StoreFault> {
         let runs = data.join("runs");
         fs::create_dir_all(data).map_err(|error| with_path(data, error))?;
         let lock = lock(data)?;
@@ -99,7 +90,7 @@ impl Store {
         let store = Self { opened, runs, limits, now, fault, runs_bytes };
         let recovery = store.recover(plates).map_err(|fault| with_path(&file, fault))?;
         store.sweep();
-        Ok(OpenOutcome { store, recovery })
+        Ok((store, recovery))
     }
 
     /// The folder of run folders.

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::signal::MotorArrangement;
-use upm_core::units::{degrees, file_form, m_from_mm, mm, mm_point, written_degrees, written_mm};
+use upm_core::units::{degrees, file_form, m_from_mm, mm, mm_point, whole, written_degrees, written_mm};
 
 /// Constant parameters of the simulated rig, apart from all state.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +25,6 @@ pub struct SimParams {
 
 /// The moving plate. Each axis is a mass-spring-damper.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct PlateParams {
     /// Side of the square plate.
     #[serde(rename = "side_mm", with = "mm")]
@@ -50,7 +49,6 @@ pub struct PlateParams {
 
 /// One value for each axis, in the order of the triples.
 #[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 struct Axes {
     x: f64,
     y: f64,
@@ -80,14 +78,13 @@ fn damping_schema(_: &mut SchemaGenerator) -> Schema {
 fn axes_schema(most: f64) -> Schema {
     let value = |of: &str| json_schema!({ "description": of, "type": "number", "minimum": 0.0, "maximum": most });
     json_schema!({
-        "type": "object", "additionalProperties": false, "required": ["x", "y", "spin"],
+        "type": "object", "required": ["x", "y", "spin"],
         "properties": { "x": value("Along x."), "y": value("Along y."), "spin": value("About the centre.") },
     })
 }
 
 /// Waveform generator, amplifiers and voice coils X1, X2, Y1, Y2.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct MotorParams {
     /// Distance of the motors' lines of action from the plate's centre.
     #[serde(rename = "lever_arm_mm", with = "mm")]
@@ -104,7 +101,7 @@ pub struct MotorParams {
     #[schemars(inner(range(min = -0.5, max = 0.5)))]
     pub gain_error: [f64; 4],
     /// Samples a second of the waveform generator.
-    #[serde(default = "motor_sample_hz")]
+    #[serde(default = "whole::<10_000>")]
     #[schemars(range(min = 100.0, max = 1e6))]
     pub sample_hz: f64,
     /// Largest sample, counts.
@@ -112,7 +109,7 @@ pub struct MotorParams {
     #[schemars(with = "u32", range(min = 8, max = 32767))]
     pub count_limit: f64,
     /// Corner of the low-pass behind the PWM, Hz.
-    #[serde(default = "low_pass_hz")]
+    #[serde(default = "whole::<1000>")]
     #[schemars(range(min = 10.0, max = 1e6))]
     pub low_pass_hz: f64,
     /// Force at which a coil's amplifier saturates, N.
@@ -122,7 +119,6 @@ pub struct MotorParams {
 
 /// Two 2-axis accelerometers; number 2 sits at minus the position of number 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct AccelerometerParams {
     /// Place of number 1 on the plate.
     #[serde(rename = "position_mm", with = "mm_point")]
@@ -153,7 +149,6 @@ pub struct AccelerometerParams {
 
 /// A camera that looks down on the plate, and the light. Control knows size, rate and lens, and finds out the rest.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct CameraParams {
     /// Columns and rows, px.
     #[schemars(inner(range(min = 64, max = 8192)))]
@@ -214,7 +209,7 @@ pub struct CameraParams {
 
 /// Gray levels in full light, 0 black, 255 white.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 struct GrayLevels {
     /// The ground under the plate.
     #[schemars(range(min = 0.0, max = 255.0))]
@@ -225,14 +220,6 @@ struct GrayLevels {
     /// Parts of every kind.
     #[schemars(range(min = 0.0, max = 255.0))]
     part: f64,
-}
-
-fn motor_sample_hz() -> f64 {
-    10_000.0
-}
-
-fn low_pass_hz() -> f64 {
-    1000.0
 }
 
 fn no_shot_noise() -> f64 {

@@ -30,7 +30,6 @@ mod locate;
 mod logs;
 mod output;
 mod panics;
-mod prefix;
 mod progress;
 mod render;
 mod replay;

@@ -9,6 +9,8 @@ mod absent;
 mod rerun;
 mod types;
 
+use upm_recording::RerunMode;
+
 pub use types::{RecordingError, RunContext};
 
 #[cfg(not(feature = "rerun"))]
@@ -18,3 +20,6 @@ pub use rerun::RerunSink;
 
 /// True if this build can make recordings.
 pub const BUILT_IN: bool = cfg!(feature = "rerun");
+
+/// Destination of recordings where none is named: the run folder, if this build can make them.
+pub const USUAL_MODE: RerunMode = if BUILT_IN { RerunMode::Save } else { RerunMode::Off };

@@ -12,7 +12,6 @@
 
 mod blueprint;
 mod camera;
-mod destination;
 mod file;
 mod live;
 mod log_view;

@@ -1,4 +1,3 @@
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use upm_core::ground_truth::GroundTruthHandle;
@@ -6,7 +5,6 @@ use upm_core::job::{Bin, LayoutPart, LayoutPath};
 use upm_core::rig::RigModel;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::PlanningMethod;
-use upm_recording::RerunMode;
 
 /// Data about a run for its recording.
 #[derive(Clone, Debug)]
@@ -31,43 +29,7 @@ pub struct RunContext {
     pub truth: Option<GroundTruthHandle>,
 }
 
-/// Reason that a recording could not be made or is incomplete.
+/// Reason that a recording could not be made or is incomplete, in words.
 #[derive(Debug, thiserror::Error)]
-pub enum RecordingError {
-    /// The file could not be created.
-    #[error("cannot create {path}: {reason}")]
-    Create {
-        /// Path of the file.
-        path: PathBuf,
-        /// Reason given by the system.
-        reason: String,
-    },
-    /// The address is not that of a viewer.
-    #[error("`{url}` is not a viewer address; expected something like rerun+http://127.0.0.1:9876/proxy: {reason}")]
-    Address {
-        /// The address given.
-        url: String,
-        /// The fault in it.
-        reason: String,
-    },
-    /// The viewer could not be started.
-    #[error("cannot start the Rerun viewer (`pip install rerun-sdk==0.36.3` brings one): {0}")]
-    Spawn(String),
-    /// A thread could not be started, or panicked.
-    #[error("recorder thread: {0}")]
-    Thread(String),
-    /// This build does not include Rerun.
-    #[error("expected off (this build has no feature `rerun`), found {mode}")]
-    NotBuiltIn {
-        /// The mode requested.
-        mode: RerunMode,
-    },
-    /// Data could not be encoded or written; the file ends before them.
-    #[error("recording {path} is not whole: {reason}")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The first failure.
-        reason: String,
-    },
-}
+#[error("{0}")]
+pub struct RecordingError(pub(crate) String);

@@ -6,22 +6,21 @@ use super::rules::Source;
 
 /// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
 /// capability is worth it, and lowered when its crate shrinks.
-const CEILINGS: [(&str, usize); 15] = [
+const CEILINGS: [(&str, usize); 14] = [
     ("chart", 790),
-    ("control", 4280),
-    ("core", 2390),
+    ("control", 4270),
+    ("core", 2480),
     ("fixtures", 370),
-    ("lab", 6360),
+    ("lab", 6340),
     ("perception", 5080),
-    ("planning", 6590),
-    ("qp", 90),
-    ("recording", 1360),
-    ("runner", 5140),
+    ("planning", 6560),
+    ("recording", 1350),
+    ("runner", 4900),
     ("scene", 890),
-    ("server", 4630),
-    ("sim", 3410),
+    ("server", 4610),
+    ("sim", 3390),
     ("upm", 4950),
-    ("viewer", 1480),
+    ("viewer", 1460),
 ];
 
 /// Room above a crate's present lines, at most: a tenth, and what a small crate needs for one function.

@@ -31,7 +31,7 @@ fn forbidden_imports_are_found_however_they_are_written() {
         ("runner/run.rs", "use upm_lab::Figure;", "1: `run` may not import `lab::Figure`"),
         ("utils.rs", "", "1: `utils` is not on the map"),
         ("runner/config.rs", "use upm_sim::{SimParams, SimRig};", "1: `config` may not import `sim::SimRig`"),
-        ("control/pulse_planner.rs", "use clarabel::solver;", "1: `clarabel` is named in qp only"),
+        ("control/pulse_planner.rs", "use clarabel::solver;", "1: `clarabel` is named in planning/qp only"),
         ("planning/task/plus_sign.rs", &"\n".repeat(401), "401: files have at most 400 lines"),
     ] {
         assert_eq!(faults_of(&[(&format!("src/{file}"), source)]), [format!("src/{file}:{fault}")]);

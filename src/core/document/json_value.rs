@@ -46,7 +46,10 @@ impl<'de> Visitor<'de> for Walk<'_> {
                 self.faults.push(&at, format!("the key {key:?} a second time"), "each key once");
             }
             let value = members.next_value_seed(Walk { at, faults: self.faults })?;
-            object.insert(key, value);
+            // a document may name its schema, for editors; nothing else reads that
+            if key != "$schema" {
+                object.insert(key, value);
+            }
         }
         Ok(Value::Object(object))
     }

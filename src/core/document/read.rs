@@ -16,11 +16,29 @@ use super::{Document, schema_check};
 /// Largest file that is read, bytes: 1 MiB.
 pub const MOST_BYTES: u64 = 1 << 20;
 
-/// The JSON Schema (draft 2020-12) of `T`, made at the first call.
+/// The JSON Schema (draft 2020-12) of `T`, made at the first call. Objects have no members but those of their types.
 pub fn schema_of<T: JsonSchema + 'static>() -> &'static Value {
     static MADE: Mutex<BTreeMap<TypeId, &'static Value>> = Mutex::new(BTreeMap::new());
     let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
-    made.entry(TypeId::of::<T>()).or_insert_with(|| Box::leak(Box::new(schema_for!(T).to_value())))
+    made.entry(TypeId::of::<T>()).or_insert_with(|| {
+        let mut schema = schema_for!(T).to_value();
+        close(&mut schema);
+        Box::leak(Box::new(schema))
+    })
+}
+
+/// Refuses unknown members of every object whose members the schema lists.
+fn close(schema: &mut Value) {
+    match schema {
+        Value::Object(members) => {
+            if members.contains_key("properties") {
+                members.entry("additionalProperties").or_insert(false.into());
+            }
+            members.values_mut().for_each(close);
+        }
+        Value::Array(schemas) => schemas.iter_mut().for_each(close),
+        _ => {}
+    }
 }
 
 /// The text of the file at `path`.

@@ -91,9 +91,7 @@ impl<'a> Walker<'a> {
         for (key, value) in members {
             match (member_of(key), schema.get("additionalProperties")) {
                 (None, Some(Value::Bool(false))) => {
-                    // `$schema` is no part of a job or rig: a mistyped key was meant to be another one
-                    let keys = known.into_iter().flat_map(Map::keys).map(String::as_str);
-                    let keys: Vec<&str> = keys.filter(|key| !key.starts_with('$')).collect();
+                    let keys: Vec<&str> = known.into_iter().flat_map(Map::keys).map(String::as_str).collect();
                     let found = format!("unknown key {}", quoted(key));
                     self.faults.push(at.key(key), found, one_of(key, &keys));
                 }

@@ -24,7 +24,7 @@ pub enum Trip {
 }
 
 impl Trip {
-    /// All causes.
+    /// All causes, in the order of the variants.
     pub const ALL: [Self; 4] = [Self::EStop, Self::Lease, Self::Watchdog, Self::Shutdown];
 }
 
@@ -112,23 +112,15 @@ impl StateWord {
         self.0 & bit != 0
     }
 
-    #[inline]
     fn tripped(self, why: Trip, at_ns: u64) -> Self {
-        let number = match why {
-            Trip::EStop => 1,
-            Trip::Lease => 2,
-            Trip::Watchdog => 3,
-            Trip::Shutdown => 4,
-        };
+        let number = why as u64 + 1;
         Self(self.released().0 | number << Self::TRIP_SHIFT | at_ns.min(Self::TIME))
     }
 
-    #[inline]
     fn released(self) -> Self {
         Self(self.0 & (Self::ATTACHED | Self::DRIVING))
     }
 
-    #[inline]
     fn requested_at(self) -> PlateTime {
         PlateTime::from_nanos(self.0 & Self::TIME)
     }
@@ -139,7 +131,6 @@ impl Interlock {
     pub const LEASE_S: f64 = 0.1;
 
     /// An interlock that also measures the wall time in which motors fall silent.
-    #[inline]
     pub fn timed(clock: Arc<dyn Clock + Send + Sync>) -> Self {
         Self(Arc::new(InterlockState { clock: Some(clock), ..InterlockState::default() }))
     }
@@ -173,13 +164,11 @@ impl Interlock {
     }
 
     /// The plate time of the rig it is attached to, or of the last such rig.
-    #[inline]
     pub fn now(&self) -> PlateTime {
         PlateTime::from_nanos(self.0.now_ns.load(Ordering::Relaxed))
     }
 
     /// Clears a trip for `why`. False while a rig is attached, and when it is not tripped for that cause.
-    #[inline]
     pub fn release(&self, why: Trip) -> bool {
         let free = |word: StateWord| !word.has(StateWord::ATTACHED) && word.trip() == Some(why);
         self.0.change(|word| free(word).then(|| word.released())).is_ok()
@@ -187,7 +176,6 @@ impl Interlock {
 
     /// Attaches it to a rig whose time is `now` and whose motors are silent; `None` while it is attached to another
     /// rig.
-    #[inline]
     pub fn attach(&self, now: PlateTime) -> Option<InterlockGuard> {
         let shared = &*self.0;
         shared
@@ -200,7 +188,6 @@ impl Interlock {
 
     /// Registers the calling thread as the one that drives the rig: a trip wakes it when it is parked. Only the first
     /// call counts.
-    #[inline]
     pub fn set_driver_thread(&self) {
         self.0.driver.get_or_init(thread::current);
     }
@@ -209,7 +196,6 @@ impl Interlock {
     ///
     /// # Errors
     /// The cause of the trip, once tripped: the rig must not play.
-    #[inline]
     pub fn energize(&self) -> Result<(), Trip> {
         let driving = |word: StateWord| word.trip().is_none().then_some(StateWord(word.0 | StateWord::DRIVING));
         self.0.change(driving).map_err(|word| word.trip().unwrap_or(Trip::EStop))
@@ -276,13 +262,11 @@ impl InterlockState {
     }
 
     /// Replaces the word by `next` of it; `Err` with the current word when `next` gives `None`.
-    #[inline]
     fn change(&self, next: impl Fn(StateWord) -> Option<StateWord>) -> Result<(), StateWord> {
         let put = |word| next(StateWord(word)).map(|word| word.0);
         self.word.fetch_update(Ordering::AcqRel, Ordering::Acquire, put).map(drop).map_err(StateWord)
     }
 
-    #[inline]
     fn wall_ns(&self) -> u64 {
         let elapsed = self.clock.as_ref().map_or(Duration::ZERO, |clock| clock.elapsed());
         u64::try_from(elapsed.as_nanos()).unwrap_or(u64::MAX)
@@ -303,7 +287,6 @@ impl Deref for InterlockGuard {
 }
 
 impl Drop for InterlockGuard {
-    #[inline]
     fn drop(&mut self) {
         let shared = &*self.0.0;
         self.0.motors_off(self.0.now());

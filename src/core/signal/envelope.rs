@@ -1,3 +1,6 @@
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 /// The outline of a shaped pulse: attack, sustain, decay as long as the attack, then rest until parts are at rest (UPM
 /// paper, section 3.3 and Fig. 9).
 ///
@@ -5,13 +8,16 @@
 /// half as long. When half the flank is a whole period of the drive, both averages cancel every harmonic. A flank of
 /// two periods therefore brings the plate to full height, and back to rest, without setting it swinging on its rods;
 /// the residual falls with the square of resonance over drive frequency.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Envelope {
     /// Length of the attack and of the decay, s.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub attack_s: f64,
     /// Length at full height, s.
+    #[schemars(range(min = 0.0, max = 60.0))]
     pub sustain_s: f64,
-    /// Time without drive after the decay, s.
+    /// Time without drive after the decay, s; not in the file of a trace.
+    #[serde(skip)]
     pub rest_s: f64,
 }
 

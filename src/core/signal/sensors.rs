@@ -1,8 +1,12 @@
 //! Data of the rig's sensors: camera frames and accelerometer traces.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use super::Envelope;
 use crate::geometry::Vec2;
 use crate::time::PlateTime;
+use crate::units::{file_form, hertz, mm_point};
 
 /// One picture of the camera, 8-bit gray, rows from the top; or the positions that its detector measured in it.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,19 +95,55 @@ pub const MISSING_SAMPLE: i16 = i16::MIN;
 
 /// Trace of the two 2-axis accelerometers under opposite corners during one pulse, as the A/D converter sent it (UPM
 /// paper, section 3.2). Accelerometer 2 is at minus the position of accelerometer 1.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AccelTrace {
-    /// Sampling rate of every channel, 1/s.
+    /// Samples a second in every channel; 16 or more to a period of the drive.
+    #[schemars(range(min = 16.0, max = 1e6))]
     pub sample_hz: f64,
     /// Time of the first sample after the start of the pulse, s.
+    #[serde(default)]
+    #[schemars(range(min = -60.0, max = 60.0))]
     pub first_sample_s: f64,
-    /// Acceleration of one count, m/s², from the data sheet.
+    /// Acceleration of one count, m/s², as the data sheet has it.
+    #[schemars(range(max = 1e5), extend("exclusiveMinimum" = 0.0))]
     pub mps2_per_count: f64,
-    /// Largest magnitude of the converter; a sample at it is clipped.
+    /// Largest count the converter shows; a sample there is clipped.
+    #[schemars(range(min = 1, max = 32767))]
     pub count_limit: i16,
     /// Counts, equally many in every channel; [`MISSING_SAMPLE`] for lost ones.
+    #[serde(with = "channels")]
+    #[schemars(with = "ChannelCounts")]
     pub counts: [Vec<i16>; CHANNELS],
 }
+
+/// Counts of the four channels, equally many in each; null for a sample that is missing.
+#[derive(Serialize, Deserialize, JsonSchema)]
+struct ChannelCounts {
+    /// Along x, accelerometer 1.
+    #[schemars(length(min = 1), inner(range(min = -32767, max = 32767)))]
+    x1: Vec<Option<i16>>,
+    /// Along y, accelerometer 1.
+    #[schemars(length(min = 1), inner(range(min = -32767, max = 32767)))]
+    y1: Vec<Option<i16>>,
+    /// Along x, accelerometer 2.
+    #[schemars(length(min = 1), inner(range(min = -32767, max = 32767)))]
+    x2: Vec<Option<i16>>,
+    /// Along y, accelerometer 2.
+    #[schemars(length(min = 1), inner(range(min = -32767, max = 32767)))]
+    y2: Vec<Option<i16>>,
+}
+
+file_form!(
+    channels: ChannelCounts => [Vec<i16>; CHANNELS],
+    |ChannelCounts { x1, y1, x2, y2 }| {
+        [x1, y1, x2, y2].map(|channel| channel.into_iter().map(|count| count.unwrap_or(MISSING_SAMPLE)).collect())
+    },
+    |counts| {
+        let seen = |count: &i16| Some(*count).filter(|count| *count != MISSING_SAMPLE);
+        let [x1, y1, x2, y2] = counts.each_ref().map(|channel| channel.iter().map(seen).collect());
+        ChannelCounts { x1, y1, x2, y2 }
+    }
+);
 
 impl AccelTrace {
     /// Number of samples in each channel.
@@ -125,17 +165,30 @@ impl AccelTrace {
     }
 }
 
-/// A trace with the data needed to evaluate it: a recording of one pulse on any rig.
-#[derive(Clone, Debug, PartialEq)]
+/// A trace: what the accelerometers saw during one pulse on any rig, and what is needed to read it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "trace")]
 pub struct RecordedPulse {
     /// The accelerometers' trace.
+    #[serde(flatten)]
     pub trace: AccelTrace,
     /// Outline of the pulse.
+    #[serde(flatten)]
     pub envelope: Envelope,
-    /// Base frequency of the drive, rad/s.
+    /// Base frequency of the vibration.
+    #[serde(rename = "base_hz", with = "hertz")]
+    #[schemars(with = "f64", range(min = 1.0, max = 1000.0))]
     pub base_radps: f64,
-    /// Position of accelerometer 1 on the plate, m; number 2 is opposite.
+    /// Place of accelerometer 1 on the plate; number 2 sits at minus that.
+    #[serde(rename = "position_mm", with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
     pub accelerometer_in_plate_m: Vec2,
-    /// Gain of each channel: its reading for a true 1.
+    /// Readings of x1, y1, x2 and y2 per true 1.
+    #[serde(default = "no_gain_error")]
+    #[schemars(inner(range(min = 0.1, max = 10.0)))]
     pub channel_gain: [f64; CHANNELS],
+}
+
+fn no_gain_error() -> [f64; CHANNELS] {
+    [1.0; CHANNELS]
 }

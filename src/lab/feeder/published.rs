@@ -3,17 +3,17 @@
 
 use std::f64::consts::TAU;
 
-use super::closed_form::quasi_static_mps;
-use super::part::Sliding;
+use super::part::{Sliding, quasi_static_mps};
 use super::plate::PlateCycle;
 use super::{DYN_N, Feeder};
 use crate::coulomb_pump;
 use crate::numerics::line_through;
 use crate::pumped::{PUMP, PumpedLine};
-use crate::sweep::{Progress, parallel};
+use crate::sweep::Progress;
 use crate::texts::{chart, figure};
 use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Color, Layer, Mark};
+use upm_core::background::on_all_cores;
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
 
@@ -107,7 +107,7 @@ fn rate_against_force(progress: Progress<'_>, outcome: &mut ExperimentResult) {
         drag_mps2: FORCED_FRICTION * GRAVITY_MPS2,
         push_mps2: f64::from(force_dyn) * DYN_N / mass_kg,
     };
-    let rates_mps = parallel(&forces_dyn, progress, |&force_dyn| {
+    let rates_mps = on_all_cores(&forces_dyn, progress, |&force_dyn| {
         under(force_dyn).mean_mps(&plate, cycles(SETTLING_S), cycles(MEASURED_S))
     });
     let points = |rate_mps: &dyn Fn(usize) -> f64| -> Vec<[f64; 2]> {

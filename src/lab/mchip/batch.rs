@@ -10,7 +10,8 @@ use super::measures::{
     strongest_line,
 };
 use super::run::{Run, Setup, Start};
-use crate::sweep::{Progress, parallel};
+use crate::sweep::Progress;
+use upm_core::background::on_all_cores;
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -68,7 +69,7 @@ impl Batch {
 
     /// Simulates all runs; equal seeds give equal starts, whatever the setup.
     pub fn summaries(self, streams: &Streams, progress: Progress<'_>) -> Summaries {
-        let all = parallel(&self.0, progress, |(_, job)| Summary::of(&job.run(streams)));
+        let all = on_all_cores(&self.0, progress, |(_, job)| Summary::of(&job.run(streams)));
         let mut groups: BTreeMap<String, Vec<Summary>> = BTreeMap::new();
         for ((group, _), summary) in self.0.into_iter().zip(all) {
             groups.entry(group).or_default().push(summary);

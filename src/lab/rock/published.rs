@@ -3,7 +3,7 @@
 
 use super::block::Block;
 use super::motion::{End, Release};
-use super::raising::raise;
+use super::selection::raise;
 use super::selection::{Selected, on_drive};
 use super::{Rock, table_figures, track_chart};
 use crate::sweep::Progress;

@@ -6,10 +6,11 @@ use super::peg::{Peg, Shape};
 use super::trials::band;
 use super::{Topple, measure, ratio_of_orientations};
 use crate::numerics::bisect;
-use crate::sweep::{Progress, parallel};
+use crate::sweep::Progress;
 use crate::texts::{chart, figure, figures};
 use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::Color;
+use upm_core::background::on_all_cores;
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -34,7 +35,7 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
     let mut outcome = orientations();
     let peg = Topple { seed: rig.seed as u32, ..Topple::published() };
     let pegs = [peg, alike(&peg)];
-    let rows = parallel(&pegs, &|share| progress(0.8 * share), |peg| -> Result<Vec<f64>, LabFault> {
+    let rows = on_all_cores(&pegs, &|share| progress(0.8 * share), |peg| -> Result<Vec<f64>, LabFault> {
         let exact_mps = peg.peg().pivot(peg.ledge_m).map_or(f64::NAN, |pivot| pivot.critical_mps());
         let band = band(&peg.scatter, exact_mps, &streams);
         let error = 100.0 * (band.middle_mps() / exact_mps - 1.0);

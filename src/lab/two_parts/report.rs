@@ -7,6 +7,7 @@ use super::calibrated_pulses::{CalibratedPulses, STRONG_SPIN_RADPS};
 use super::plan::{CENTERS, condition, field_matrix, mean_miss};
 use super::task::{OBSERVATIONS, StepSeries, TwoPartProblem};
 use upm_chart::{Chart, Color, Layer, Mark};
+use upm_core::document::counted;
 
 /// Radius of the circle about a start, in half sides of the plate.
 const START: f64 = 0.02;
@@ -37,7 +38,7 @@ fn of_one_observation(task: &TwoPartProblem, ideal: &StepSeries) -> Vec<Figure> 
 
 fn misses_of<'a>(run: &'a StepSeries, source: &'a str) -> impl Iterator<Item = Figure> + 'a {
     run.ways.iter().map(move |(observations, way)| {
-        let name = format!("E of {}, {}", counted(*observations), run.name);
+        let name = format!("E of {}, {}", counted(*observations, "observation"), run.name);
         Figure::alone(name, "mm", 1e3 * way.miss_m, source)
     })
 }
@@ -52,10 +53,6 @@ fn of_plate(run: &StepSeries, plate: &CalibratedPulses<'_>) -> Vec<Figure> {
         figures.push(Figure::alone(name, "observations", count, &fault.to_string()));
     }
     figures
-}
-
-fn counted(observations: usize) -> String {
-    format!("{observations} {}", if observations == 1 { "observation" } else { "observations" })
 }
 
 /// The paper's Fig. 3 (d): starts, goals and the polygonal line through the positions after each rotation.
@@ -86,7 +83,11 @@ fn map(name: &str, task: &TwoPartProblem, run: &StepSeries) -> Option<Chart> {
     }
     Some(Chart::plate_map(
         name,
-        format!("{}: two parts, four centres of rotation, a large step in {}", run.name, counted(*observations)),
+        format!(
+            "{}: two parts, four centres of rotation, a large step in {}",
+            run.name,
+            counted(*observations, "observation")
+        ),
         None,
         layers,
     ))

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value};
 
-use super::{Library, RawLibrary};
+use super::Library;
 use upm_core::document::{Diagnostic, parse, text_of};
 
 /// Lists and objects in each other down to which each member and item has its own line.
@@ -14,12 +14,12 @@ impl Library {
     /// Numbers are rounded to the resolution of the measurement; a file that was read is written back byte for byte.
     pub fn to_json(&self) -> String {
         // serialising plain data cannot fail
-        in_lines(&serde_json::to_string(&RawLibrary::from(self)).unwrap_or_default())
+        in_lines(&serde_json::to_string(self).unwrap_or_default())
     }
 
     /// The members of the file.
     pub fn to_members(&self) -> Map<String, Value> {
-        match serde_json::to_value(RawLibrary::from(self)) {
+        match serde_json::to_value(self) {
             Ok(Value::Object(members)) => members,
             _ => Map::new(),
         }
@@ -32,8 +32,8 @@ impl Library {
     /// wrong keys, types and ranges are reported together; once those are right, all values that are inconsistent with
     /// others.
     pub fn from_json(text: &str, file: &str) -> Result<Self, Vec<Diagnostic>> {
-        let raw: RawLibrary = parse(text, file)?;
-        Self::try_from(raw).map_err(|faults| faults.into_iter().map(|fault| fault.in_file(file)).collect())
+        let library: Self = parse(text, file)?;
+        library.checked().map_err(|faults| faults.into_iter().map(|fault| fault.in_file(file)).collect())
     }
 
     /// Writes the library to `path`.

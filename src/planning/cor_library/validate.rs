@@ -1,11 +1,11 @@
 use std::f64::consts::TAU;
 
-use super::raw::{DAMPING_RATIO, NATURAL_HZ, RawDisplacement, RawEntry, RawLibrary, matrix};
-use super::{FieldResponse, Library, RawFieldResponse, RawPlateResponse};
-use upm_core::document::{Diagnostic, Diagnostics};
-use upm_core::geometry::Vec2;
+use super::types::{DAMPING_RATIO, NATURAL_HZ};
+use super::{DisplacementModel, FieldResponse, Library, PlateResponse};
+use upm_core::document::{Diagnostic, Diagnostics, counted};
+use upm_core::geometry::{Twist, Vec2};
 use upm_core::rig::RigModel;
-use upm_core::units::mm_from_m;
+use upm_core::units::{mm_from_m, written_hertz, written_mm};
 
 /// Fewest entries with which a part can be steered.
 const MIN_ENTRIES: usize = 3;
@@ -19,26 +19,21 @@ const SAME: f64 = 1e-6;
 /// Largest error of a number rounded to the file's six decimals, mm, Hz or s.
 const FILE_ROUNDING: f64 = 0.501e-6;
 
-impl TryFrom<RawLibrary> for Library {
-    type Error = Vec<Diagnostic>;
-
+impl Library {
     /// Validates the rules that a schema cannot express; lists every fault, with its file left blank.
-    fn try_from(raw: RawLibrary) -> Result<Self, Self::Error> {
+    pub(super) fn checked(self) -> Result<Self, Vec<Diagnostic>> {
         let mut faults = Diagnostics::of("");
-        check_head(&raw, &mut faults);
-        check_entries(&raw, &mut faults);
-        check_displacement(&raw.displacement, &mut faults);
-        raw.fields.iter().for_each(|fields| check_fields(fields, &mut faults));
-        raw.plate.iter().for_each(|plate| check_plate(plate, &mut faults));
-        let library = raw.into_library();
-        if faults.is_empty() && spread_at_center(&library) < MIN_SPREAD {
+        check_head(&self, &mut faults);
+        check_entries(&self, &mut faults);
+        check_displacement(&self.displacement, &mut faults);
+        self.fields.iter().for_each(|fields| check_fields(fields, &mut faults));
+        self.plate.iter().for_each(|plate| check_plate(plate, &mut faults));
+        if faults.is_empty() && spread_at_center(&self) < MIN_SPREAD {
             faults.push("entries", "parts at the centre flow in one direction only", "flows in two directions");
         }
-        faults.into_result(Some(library))
+        faults.into_result(Some(self))
     }
-}
 
-impl Library {
     /// All reasons why the library cannot be used on `rig`, whose file has this fingerprint: distances and centres hold
     /// for one rig and its drive only. A library of a rig with another name is a single fault, since all others follow
     /// from it.
@@ -118,60 +113,59 @@ fn spread_at_center(library: &Library) -> f64 {
     0.5 * (xx + yy) - (0.5 * (xx - yy)).hypot(xy)
 }
 
-/// Number with its noun: `1 row`, `2 rows`.
-fn counted(number: usize, one: &str, many: &str) -> String {
-    format!("{number} {}", if number == 1 { one } else { many })
-}
+const AXES: [&str; 3] = ["x", "y", "spin"];
 
-fn check_head(raw: &RawLibrary, faults: &mut Diagnostics) {
-    faults.require(!raw.rig.is_empty(), "rig", "\"\"", "the name of a rig");
-    for (name, shape) in [("x", raw.shapes.x), ("y", raw.shapes.y), ("spin", raw.shapes.spin)] {
-        let moves = shape.as_flattened().iter().any(|&v| v != 0.0);
+fn check_head(library: &Library, faults: &mut Diagnostics) {
+    faults.require(!library.rig.is_empty(), "rig", "\"\"", "the name of a rig");
+    for (name, shape) in AXES.iter().zip(&library.shapes) {
+        let moves = shape.0.iter().any(|harmonic| harmonic.cos != 0.0 || harmonic.sin != 0.0);
         faults.require(moves, format!("shapes.{name}"), "zeros", "a waveform that moves the plate");
     }
 }
 
-fn check_entries(RawLibrary { entries, motor_arrangement: arrangement, .. }: &RawLibrary, faults: &mut Diagnostics) {
+fn check_entries(Library { entries, motor_arrangement: arrangement, .. }: &Library, faults: &mut Diagnostics) {
     faults.require(
         entries.len() >= MIN_ENTRIES,
         "entries",
-        counted(entries.len(), "entry", "entries"),
+        counted(entries.len(), "motion"),
         format!("at least {MIN_ENTRIES}"),
     );
-    for (i, RawEntry { amplitudes, velocity_mm_s: [vx, vy], spin_rad_s }) in entries.iter().enumerate() {
+    for (i, entry) in entries.iter().enumerate() {
         // by Eq. 7 four equal amplitudes around the plate only squeeze it: no net force, no torque
-        let around = arrangement.turned(*amplitudes);
+        let around = arrangement.turned(entry.amplitudes);
         let moves = around.iter().any(|&amplitude| amplitude != around[0]);
         let allowed = "four that make a force or a torque, not all the same";
-        faults.require(moves, format!("entries[{i}].amplitudes"), format!("{amplitudes:?}"), allowed);
-        let is_moved = [vx, vy, spin_rad_s].iter().any(|&&v| v != 0.0);
+        faults.require(moves, format!("entries[{i}].amplitudes"), format!("{:?}", entry.amplitudes), allowed);
+        let is_moved = entry.pump != Twist::ZERO;
         faults.require(is_moved, format!("entries[{i}]"), "a plate that does not move", "a velocity or a spin");
     }
 }
 
-fn check_displacement(raw: &RawDisplacement, faults: &mut Diagnostics) {
-    let (speeds, sustains) = (&raw.speed_mm_s, &raw.sustain_s);
-    check_rising("displacement.speed_mm_s", speeds, "rising numbers above 0", faults);
+fn check_displacement(model: &DisplacementModel, faults: &mut Diagnostics) {
+    let (speeds, sustains) = (&model.speed_mps, &model.sustain_s);
+    let speeds_mm_s: Vec<f64> = speeds.iter().copied().map(written_mm).collect();
+    check_rising("displacement.speed_mm_s", &speeds_mm_s, "rising numbers above 0", faults);
     faults.require(speeds.first() != Some(&0.0), "displacement.speed_mm_s[0]", 0, "a number above 0");
     check_rising("displacement.sustain_s", sustains, "rising numbers not below 0", faults);
-    for (name, table) in [("distance_mm", &raw.distance_mm), ("sd_mm", &raw.sd_mm)] {
+    for (name, table) in [("distance_mm", &model.distance_m), ("sd_mm", &model.sd_m)] {
         check_table(name, table, speeds.len(), sustains.len(), faults);
     }
 }
 
-fn check_fields(raw: &RawFieldResponse, faults: &mut Diagnostics) {
-    for (k, rows) in raw.twist_from_counts.iter().enumerate() {
+fn check_fields(fields: &FieldResponse, faults: &mut Diagnostics) {
+    for (k, matrix) in fields.twist_from_counts.iter().enumerate() {
         let allowed = "forces on x, y and spin that move the plate independently";
         let path = format!("fields.twist_from_counts[{k}]");
-        faults.require(matrix(rows).try_inverse().is_some(), path, "a singular matrix", allowed);
+        faults.require(matrix.try_inverse().is_some(), path, "a singular matrix", allowed);
     }
 }
 
-fn check_plate(raw: &RawPlateResponse, faults: &mut Diagnostics) {
+fn check_plate(plate: &PlateResponse, faults: &mut Diagnostics) {
+    let natural_hz = plate.natural_radps.map(written_hertz);
     for (key, axes, (low, high)) in
-        [("natural_hz", raw.natural_hz, NATURAL_HZ), ("damping_ratio", raw.damping_ratio, DAMPING_RATIO)]
+        [("natural_hz", natural_hz, NATURAL_HZ), ("damping_ratio", plate.damping_ratio, DAMPING_RATIO)]
     {
-        for (axis, value) in [("x", axes.x), ("y", axes.y), ("spin", axes.spin)] {
+        for (axis, value) in AXES.iter().zip(axes) {
             let allowed = format!("a number from {low} to {high}");
             faults.require((low..=high).contains(&value), format!("plate.{key}.{axis}"), value, allowed);
         }
@@ -188,10 +182,10 @@ fn check_rising(path: &str, grid: &[f64], allowed: &str, faults: &mut Diagnostic
 fn check_table(name: &str, table: &[Vec<f64>], rows: usize, columns: usize, faults: &mut Diagnostics) {
     let path = format!("displacement.{name}");
     let allowed = format!("{rows}, one for each speed");
-    faults.require(table.len() == rows, &path, counted(table.len(), "row", "rows"), allowed);
+    faults.require(table.len() == rows, &path, counted(table.len(), "row"), allowed);
     for (i, row) in table.iter().enumerate() {
         let allowed = format!("{columns}, one for each sustain");
-        let found = counted(row.len(), "number", "numbers");
+        let found = counted(row.len(), "number");
         faults.require(row.len() == columns, format!("{path}[{i}]"), found, allowed);
     }
 }

@@ -11,7 +11,6 @@ mod belt_table;
 mod displacement_matrix;
 mod least_time;
 mod motion_set;
-mod order;
 mod planner;
 mod refine;
 mod rollout;

@@ -1,4 +1,5 @@
 use crate::cor_library::Library;
+use upm_core::coded_enum;
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Drive, Follows, TwistWave};
 
@@ -20,16 +21,18 @@ pub(super) fn largest_step_m(parts: &[PartState]) -> f64 {
     parts.iter().map(|part| part.step_m.norm()).fold(0.0, f64::max)
 }
 
-/// Method by which motions are found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PlanningMethod {
-    /// Sequences of rotations: [`RotationPlanner`](super::RotationPlanner).
-    #[default]
-    CorSequence,
-    /// The papers' plain method, for comparison: [`PseudoInverse`](super::PseudoInverse).
-    PseudoInverse,
-    /// One motion of many harmonics per cycle, synthesised for the steps wanted in it.
-    SynthesizedField,
+coded_enum! {
+    /// Method by which motions are found, with its name in a job file.
+    #[derive(Default)]
+    pub enum PlanningMethod {
+        /// Sequences of rotations: [`RotationPlanner`](super::RotationPlanner).
+        #[default]
+        CorSequence = "cor_sequence",
+        /// The papers' plain method, for comparison: [`PseudoInverse`](super::PseudoInverse).
+        PseudoInverse = "pseudo_inverse",
+        /// One motion of many harmonics per cycle, synthesised for the steps wanted in it.
+        SynthesizedField = "synthesized_field",
+    }
 }
 
 /// Limits and wishes that the planner observes.

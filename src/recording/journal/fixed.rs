@@ -1,9 +1,7 @@
 //! Numbers of the journal, rounded to fixed decimals before they are written, so that the text is short and independent
 //! of the last bits of a sum.
 
-use std::borrow::Cow;
-
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 
 use upm_core::geometry::Vec2;
@@ -11,28 +9,15 @@ use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
 
 /// A number with `DECIMALS` decimals; not-a-number is written as null.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Fixed<const DECIMALS: i32>(pub(super) f64);
+#[derive(Clone, Copy, Debug, JsonSchema)]
+#[schemars(inline)]
+pub(super) struct Fixed<const DECIMALS: i32>(#[schemars(with = "Option<f64>")] pub(super) f64);
 
 impl<const DECIMALS: i32> Serialize for Fixed<DECIMALS> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let scale = 10_f64.powi(DECIMALS);
         let rounded = (self.0 * scale).round() / scale;
         serializer.serialize_f64(if rounded.is_finite() { rounded + 0.0 } else { self.0 })
-    }
-}
-
-impl<const DECIMALS: i32> JsonSchema for Fixed<DECIMALS> {
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn schema_name() -> Cow<'static, str> {
-        format!("Fixed{DECIMALS}").into()
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": ["number", "null"] })
     }
 }
 

@@ -9,11 +9,14 @@ use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, points
 use crate::motion::MotionRecord;
 use crate::wave::off_part;
 use upm_control::{ConfirmedFacts, CycleFacts, EventFacts, EventKind, FindingChange, LocalisedFacts, PulseFacts};
-use upm_core::job::{Outcome, RecordingEnd, StopCause};
+use upm_core::job::{EventLevel, Outcome, StopCause};
 use upm_core::signal::{Harmonic, MOTORS, TwistWave};
 use upm_perception::estimation::PlateFit;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::{Limit, Plan, PlanStatus, PlannedPulse};
+
+/// Code of the event of a recording that ended early.
+pub const RECORDING_FAILED: &str = "recording_failed";
 
 /// A line of `journal.jsonl`. Lengths are millimetres in the table frame, times seconds of plate time; null replaces a
 /// number that is not finite.
@@ -52,8 +55,7 @@ pub(super) enum JournalLine<'a> {
     /// Something worth a line, a condition that began or ended, or the end of the run.
     Event {
         at_s: Seconds,
-        #[schemars(extend("enum" = ["info", "warning", "error"]))]
-        level: &'static str,
+        level: EventLevel,
         text: &'a str,
         #[serde(flatten)]
         detail: Option<DetailPart>,
@@ -134,9 +136,9 @@ impl<'a> JournalLine<'a> {
                 })
             }
             EventKind::RunEnded { outcome, cause } => Some(DetailPart::RunEnded { outcome, code: cause }),
-            EventKind::RecordingEnded(code) => Some(DetailPart::RecordingEnded { code }),
+            EventKind::RecordingEnded => Some(DetailPart::RecordingEnded { code: RECORDING_FAILED }),
         };
-        Self::Event { at_s: seconds(event.at), level: event.level.name(), text: &event.text, detail }
+        Self::Event { at_s: seconds(event.at), level: event.level, text: &event.text, detail }
     }
 }
 
@@ -368,6 +370,7 @@ pub(super) enum DetailPart {
         code: Option<StopCause>,
     },
     RecordingEnded {
-        code: RecordingEnd,
+        #[schemars(extend("const" = "recording_failed"))]
+        code: &'static str,
     },
 }

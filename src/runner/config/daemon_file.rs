@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use schemars::JsonSchema;
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use upm_core::job::Pace;
 
@@ -16,13 +15,8 @@ file_form!(seconds: f64 => Duration, Duration::from_secs_f64, Duration::as_secs_
 
 /// The daemon's configuration: plates, and limits of queue, disk and memory.
 #[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 #[schemars(title = "daemon")]
 pub(crate) struct DaemonFile {
-    /// Path or address of this file's schema, for editors. Nothing else reads it.
-    #[serde(rename = "$schema", default)]
-    #[schemars(with = "String")]
-    pub(crate) _schema: IgnoredAny,
     /// Address and port to listen on, as `127.0.0.1:8750`; port 0 is any free one. An address that others can reach
     /// asks for a token.
     #[serde(default = "listen")]
@@ -92,7 +86,6 @@ fn queue() -> u32 {
 
 /// A plate that is served.
 #[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct PlateEntry {
     /// Its name, by which jobs ask for it: letters, digits, `.`, `_` and `-`.
     #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
@@ -108,7 +101,6 @@ pub(crate) struct PlateEntry {
 
 /// The standing job of a plate. It begins again whenever it ends, until it fails or a person cancels it.
 #[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct StandingEntry {
     /// Path of the job file, relative to this file. It may name the plate's rig, and no other.
     #[schemars(length(min = 1, max = 4096))]
@@ -131,7 +123,7 @@ pub(crate) enum StandingStart {
 
 /// Retention of jobs that have ended. Run folders go when they are too large in total, the oldest first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 pub struct KeepSpec {
     /// Most room for run folders, GB of 10⁹ bytes.
     #[serde(rename = "runs_gb", with = "gigabytes")]
@@ -153,7 +145,7 @@ impl Default for KeepSpec {
 
 /// Room on the disk, MB of 10⁶ bytes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 pub(crate) struct DiskLimits {
     /// With less than this left no job is taken, and standing jobs wait.
     #[serde(rename = "min_free_mb", with = "megabytes")]
@@ -169,7 +161,7 @@ impl Default for DiskLimits {
 
 /// When a plate is stopped because something is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 pub struct WatchdogSpec {
     /// No frame came for so long, s of wall time.
     #[serde(rename = "hung_s", with = "seconds")]

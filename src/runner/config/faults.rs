@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use upm_core::document::{Diagnostics, Path, one_of, quoted};
 use upm_core::time::PlateTime;
+use upm_recording::{FaultEntry, FaultValue};
 use upm_sim::faults::{FaultKind, FaultSpec, FaultyComponent, ValueRange, drawn_faults};
 
 /// Names of components for error messages.
@@ -30,94 +31,43 @@ pub(crate) enum FaultList {
 
 /// Faults drawn by a seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct DrawnFaults {
     /// Determines the faults, together with the number of parts.
     pub(crate) seed: u64,
 }
 
-/// One fault of the simulated rig.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct FaultEntry {
-    /// Where: `camera`, `light`, `view`, `coil0` to `coil3`, `coils`, `accel0` to `accel3`, `part0` and on, `parts`,
-    /// `plate`, `device`, `clock`.
-    #[schemars(length(min = 1, max = 16))]
-    pub(crate) component: String,
-    /// The fault; each component has its kinds.
-    #[schemars(length(min = 1, max = 16))]
-    pub(crate) kind: String,
-    /// How much, where the kind asks for it.
-    pub(crate) value: Option<FaultValue>,
-    /// From when, s of plate time.
-    #[serde(default)]
-    #[schemars(range(min = 0.0, max = 1e6))]
-    pub(crate) from_s: f64,
-    /// Until when, s; left out: for good.
-    #[schemars(range(min = 0.0, max = 1e6))]
-    pub(crate) to_s: Option<f64>,
+/// `spec` in the form of a job file.
+pub(crate) fn fault_entry(spec: &FaultSpec) -> FaultEntry {
+    let count = spec.kind.values().len();
+    let value = match count {
+        0 => None,
+        1 => Some(FaultValue::One(spec.values[0])),
+        _ => Some(FaultValue::Several(spec.values.iter().copied().take(count).collect())),
+    };
+    let (component, kind) = (spec.component.name(), spec.kind.code().to_owned());
+    FaultEntry { component, kind, value, from_s: spec.from.secs(), to_s: spec.to.map(PlateTime::secs) }
 }
 
-/// One value of a fault, or several.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub(crate) enum FaultValue {
-    /// A number, for kinds with a single value.
-    #[schemars(title = "number")]
-    One(f64),
-    /// A list of one to three numbers, in the order of the kind's values.
-    #[schemars(title = "numbers")]
-    Several(#[schemars(length(min = 1, max = 3))] Vec<f64>),
-}
-
-impl FaultValue {
-    fn numbers(&self) -> &[f64] {
-        match self {
-            Self::One(value) => std::slice::from_ref(value),
-            Self::Several(values) => values,
-        }
-    }
-}
-
-impl FaultEntry {
-    /// `spec` in the form of a job file.
-    pub(super) fn of(spec: &FaultSpec) -> Self {
-        let count = spec.kind.values().len();
-        let value = match count {
-            0 => None,
-            1 => Some(FaultValue::One(spec.values[0])),
-            _ => Some(FaultValue::Several(spec.values.iter().copied().take(count).collect())),
-        };
-        Self {
-            component: spec.component.name(),
-            kind: spec.kind.name().to_owned(),
-            value,
-            from_s: spec.from.secs(),
-            to_s: spec.to.map(PlateTime::secs),
-        }
-    }
-
-    /// Reads `COMPONENT:KIND[=VALUE[;VALUE]][@FROM_S[-TO_S]]`; `None` where `text` has another form.
-    fn parse(text: &str) -> Option<Self> {
-        let (what, when) = text.split_once('@').map_or((text, None), |(what, when)| (what, Some(when)));
-        let (what, value) = what.split_once('=').map_or((what, None), |(what, value)| (what, Some(value)));
-        let (component, kind) = what.split_once(':')?;
-        let numbers = |list: &str| list.split(';').map(|n| n.trim().parse().ok()).collect::<Option<Vec<f64>>>();
-        let (from_s, to_s) = match when {
-            Some(when) => match when.split_once('-') {
-                Some((from_s, to_s)) => (from_s.parse().ok()?, Some(to_s.parse().ok()?)),
-                None => (when.parse().ok()?, None),
-            },
-            None => (0.0, None),
-        };
-        Some(Self {
-            component: component.trim().to_owned(),
-            kind: kind.trim().to_owned(),
-            value: value.map(numbers).map_or(Some(None), |list| list.map(|list| Some(FaultValue::Several(list))))?,
-            from_s,
-            to_s,
-        })
-    }
+/// Reads `COMPONENT:KIND[=VALUE[;VALUE]][@FROM_S[-TO_S]]`; `None` where `text` has another form.
+fn parsed(text: &str) -> Option<FaultEntry> {
+    let (what, when) = text.split_once('@').map_or((text, None), |(what, when)| (what, Some(when)));
+    let (what, value) = what.split_once('=').map_or((what, None), |(what, value)| (what, Some(value)));
+    let (component, kind) = what.split_once(':')?;
+    let numbers = |list: &str| list.split(';').map(|n| n.trim().parse().ok()).collect::<Option<Vec<f64>>>();
+    let (from_s, to_s) = match when {
+        Some(when) => match when.split_once('-') {
+            Some((from_s, to_s)) => (from_s.parse().ok()?, Some(to_s.parse().ok()?)),
+            None => (when.parse().ok()?, None),
+        },
+        None => (0.0, None),
+    };
+    Some(FaultEntry {
+        component: component.trim().to_owned(),
+        kind: kind.trim().to_owned(),
+        value: value.map(numbers).map_or(Some(None), |list| list.map(|list| Some(FaultValue::Several(list))))?,
+        from_s,
+        to_s,
+    })
 }
 
 /// Simulated faults of a job with `parts` parts, and the equivalent list for the file.
@@ -137,7 +87,7 @@ pub(super) fn typed(texts: &[String], parts: usize, faults: &mut Diagnostics) ->
     let mut specs = Vec::new();
     for text in each {
         let at = Path::root().key(text);
-        match FaultEntry::parse(text) {
+        match parsed(text) {
             Some(entry) => specs.extend(spec(&entry, parts, &at, faults)),
             None => {
                 let allowed = "COMPONENT:KIND[=VALUE[;VALUE]][@FROM_S[-TO_S]], for example coil0:reversed@1.2";
@@ -167,8 +117,8 @@ fn spec(entry: &FaultEntry, parts: usize, at: &Path, faults: &mut Diagnostics) -
         let allowed = format!("part0 to part{}", parts.saturating_sub(1));
         faults.require(part < parts, at.key("component"), &entry.component, allowed);
     }
-    let Some(kind) = component.kinds().find(|kind| kind.name() == entry.kind) else {
-        let kinds: Vec<&str> = component.kinds().map(FaultKind::name).collect();
+    let Some(kind) = component.kinds().find(|kind| kind.code() == entry.kind) else {
+        let kinds: Vec<&str> = component.kinds().map(FaultKind::code).collect();
         faults.push(at.key("kind"), quoted(&entry.kind), one_of(&entry.kind, &kinds));
         return None;
     };
@@ -196,7 +146,7 @@ fn values(
     let wanted = kind.values();
     let mut values = [0.0; 3];
     if given.len() != wanted.len() {
-        let found = format!("{} for {}", upm_core::document::counted(given.len(), "value"), kind.name());
+        let found = format!("{} for {}", upm_core::document::counted(given.len(), "value"), kind.code());
         faults.push(at, found, text_of_ranges(wanted));
         return None;
     }
@@ -276,7 +226,7 @@ mod tests {
     fn drawn_faults_equal_those_read_from_their_list() {
         for seed in 0..500 {
             let drawn = drawn_faults(seed, 3);
-            let list = FaultList::List(drawn.iter().map(FaultEntry::of).collect());
+            let list = FaultList::List(drawn.iter().map(fault_entry).collect());
             let mut faults = Diagnostics::of("job");
             assert_eq!(build(&list, 3, &Path::root(), &mut faults), drawn, "{:?}", faults.into_list());
         }

@@ -2,15 +2,15 @@ use serde_json::Value;
 
 use super::clearance;
 use super::drawings;
-use super::faults::{self, FaultEntry, FaultList};
-use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PlannerChoice};
+use super::faults::{self, FaultList, fault_entry};
+use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PlannerChoice, TaskSection};
 use super::kinds::{KindSpec, PartGroup, each_kind};
 use super::read::{NAMES, Origin, is_plain_name, point_m};
 use super::rig::RigSpec;
 use super::rig_file::RigSource;
 use super::task::{self, TaskSpec};
 use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
-use upm_core::job::{CameraMode, Finding};
+use upm_core::job::{Bin, CameraMode, Finding};
 use upm_core::rig::PartKind;
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_sim::faults::FaultSpec;
@@ -96,7 +96,7 @@ impl JobSpec {
         let at = root.key("faults");
         let of_rig = document.faults.as_ref().map(|list| faults::build(list, each_kind(&parts).len(), &at, faults));
         // faults drawn by a seed are written out, so that the run folder documents them
-        document.faults = of_rig.as_ref().map(|specs| FaultList::List(specs.iter().map(FaultEntry::of).collect()));
+        document.faults = of_rig.as_ref().map(|specs| FaultList::List(specs.iter().map(fault_entry).collect()));
         Some(Self {
             file: origin.file.clone(),
             name: document.name.clone(),
@@ -138,6 +138,11 @@ impl JobSpec {
     /// Key that names the library: the job's or its rig's.
     pub fn library_key(&self) -> String {
         if self.names_library() { format!("{}: library", self.file) } else { self.rig.library_key.clone() }
+    }
+
+    /// Bins as in the file; empty for a task without.
+    pub(super) fn bins(&self) -> &[Bin] {
+        if let TaskSection::Sort { bins } = &self.document.task { bins } else { &[] }
     }
 
     /// Seed of all random numbers.
@@ -190,7 +195,7 @@ impl JobSpec {
         let typed = faults.into_result(Some(typed))?;
         self.faults.extend(typed);
         if !self.faults.is_empty() {
-            self.document.faults = Some(FaultList::List(self.faults.iter().map(FaultEntry::of).collect()));
+            self.document.faults = Some(FaultList::List(self.faults.iter().map(fault_entry).collect()));
         }
         Ok(self)
     }

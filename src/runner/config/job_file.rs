@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -11,16 +10,12 @@ use super::faults::FaultList;
 use super::rig_file::RigSource;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
 use upm_core::job::Bin;
+use upm_core::units::{thousandths, whole};
 
 /// A job: which rig, which parts, and what to do with them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 #[schemars(title = "job")]
 pub struct JobFile {
-    /// Path or address of this file's schema, for editors. Nothing else reads it.
-    #[serde(rename = "$schema", default, skip_serializing)]
-    #[schemars(with = "String")]
-    pub(crate) schema: IgnoredAny,
     /// Name of the job and of its run folder: 1 to 64 letters, digits, `.`, `_` and `-`.
     #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
     pub(crate) name: String,
@@ -43,7 +38,7 @@ pub struct JobFile {
     #[serde(default)]
     pub(crate) planner: PlannerChoice,
     /// A part this near its target has arrived, mm.
-    #[serde(default = "tolerance_mm")]
+    #[serde(default = "thousandths::<500>")]
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
     pub(crate) tolerance_mm: f64,
     /// When to give up.
@@ -64,10 +59,6 @@ fn one() -> u32 {
     1
 }
 
-fn tolerance_mm() -> f64 {
-    0.5
-}
-
 /// A COR library named by its file or written out; the library room reads the object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
@@ -82,7 +73,6 @@ pub enum LibraryRef {
 
 /// Parts of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct PartsEntry {
     /// penny, nickel, dime, quarter or a kind of the rig's.
     pub(crate) kind: String,
@@ -97,7 +87,7 @@ pub(crate) struct PartsEntry {
 
 /// Goal of a run; `type` selects the kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(tag = "type", rename_all = "snake_case")]
 pub(crate) enum TaskSection {
     /// One part goes to the centre, then along the branches of a plus sign, clockwise, out and back.
     PlusSign {
@@ -106,11 +96,11 @@ pub(crate) enum TaskSection {
         #[schemars(range(max = 1_000_000))]
         laps: u32,
         /// How far the part's rim stays from the plate's edge, mm.
-        #[serde(default = "edge_margin_mm")]
+        #[serde(default = "whole::<5>")]
         #[schemars(range(min = 1.0, max = 1000.0))]
         edge_margin_mm: f64,
         /// Largest distance from the path, mm, for the whole course of every pulse.
-        #[serde(default = "plus_sign_corridor_mm")]
+        #[serde(default = "thousandths::<500>")]
         #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
         corridor_mm: f64,
     },
@@ -124,7 +114,7 @@ pub(crate) enum TaskSection {
         #[serde(default)]
         in_phase: bool,
         /// Largest distance from the paths, mm, for the whole course of every pulse.
-        #[serde(default = "corridor_mm")]
+        #[serde(default = "whole::<1>")]
         #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
         corridor_mm: f64,
     },
@@ -155,21 +145,8 @@ pub(crate) enum TaskSection {
     },
 }
 
-fn edge_margin_mm() -> f64 {
-    5.0
-}
-
-fn plus_sign_corridor_mm() -> f64 {
-    0.5
-}
-
-fn corridor_mm() -> f64 {
-    1.0
-}
-
 /// A path, with exactly one of `waypoints_mm`, `circle`, `lissajous` and `svg`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct PathEntry {
     /// Corners of the path, mm, in order.
     #[schemars(length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
@@ -235,7 +212,7 @@ pub enum DeadlinePolicy {
 
 /// When to give up; tasks without end are completed then.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 pub(crate) struct RunLimits {
     /// Longest plate time of the run, s.
     #[schemars(range(max = 1e6), extend("exclusiveMinimum" = 0.0))]

@@ -4,9 +4,9 @@ use serde::Serialize;
 use super::kinds::part_ids;
 use super::{JobSpec, TaskSpec};
 use upm_core::geometry::Vec2;
-use upm_core::job::{Bin, LayoutPart, LayoutPath, Region};
+use upm_core::job::{Bin, LayoutPart, LayoutPath};
 use upm_core::units::mm_points;
-use upm_planning::task::{BinParams, PathParams};
+use upm_planning::task::PathParams;
 
 /// The layout of a job on its plate, from its file: parts, targets, bins and wanted paths. It never changes. Its JSON
 /// has millimetres from the plate's centre.
@@ -51,14 +51,7 @@ impl JobLayout {
                 layout.paths = paths.iter().enumerate().map(path).collect();
             }
             TaskSpec::Arrange { targets_m, .. } => layout.targets_m.clone_from(targets_m),
-            TaskSpec::Sort { bins } => {
-                let name = |kind: &usize| job.kind(*kind).map(|spec| spec.kind.name.clone());
-                let names = |kinds: &[usize]| kinds.iter().filter_map(name).collect();
-                let bins = bins.iter();
-                let region = |bin: &BinParams| Region { min_m: bin.min_m, max_m: bin.max_m };
-                let bins = bins.map(|bin| Bin { kinds: names(&bin.kinds), region: region(bin) });
-                layout.bins = bins.collect();
-            }
+            TaskSpec::Sort { .. } => layout.bins = job.bins().to_vec(),
             TaskSpec::Hold { .. } => {}
         }
         Self { parts, ..layout }

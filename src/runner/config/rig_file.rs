@@ -3,21 +3,16 @@
 use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use upm_core::rig::FieldDriveModel;
+use upm_core::units::thousandths;
 use upm_sim::{AccelerometerParams, CameraParams, MotorParams, PlateParams};
 
 /// A rig: a square plate on springs, four voice coils, two accelerometers, a camera above.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 #[schemars(title = "rig")]
 pub struct RigFile {
-    /// Path or address of this file's schema, for editors. Nothing else reads it.
-    #[serde(rename = "$schema", default, skip_serializing)]
-    #[schemars(with = "String")]
-    pub(crate) schema: IgnoredAny,
     /// Name of the rig, for reports and libraries: letters, digits, `.`, `_` and `-`.
     #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
     pub name: String,
@@ -49,40 +44,27 @@ pub struct RigFile {
 
 /// Pulses: base frequency and envelope.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct DriveSection {
     /// Base frequency of the vibration, Hz.
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub(crate) base_hz: f64,
     /// Attack and decay of every pulse, s; one period of the drive or more: shorter ones ask for much more force.
-    #[serde(default = "attack_s")]
+    #[serde(default = "thousandths::<20>")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub(crate) attack_s: f64,
     /// Rest after the longest pulse, until parts stand still, s; shorter ones rest down to half as long.
-    #[serde(default = "rest_s")]
+    #[serde(default = "thousandths::<40>")]
     #[schemars(range(min = 0.0, max = 5.0))]
     pub(crate) rest_s: f64,
     /// Longest time at full height, s.
-    #[serde(default = "max_sustain_s")]
+    #[serde(default = "thousandths::<500>")]
     #[schemars(range(min = 0.01, max = 10.0))]
     pub(crate) max_sustain_s: f64,
 }
 
-fn attack_s() -> f64 {
-    0.02
-}
-
-fn rest_s() -> f64 {
-    0.04
-}
-
-fn max_sustain_s() -> f64 {
-    0.5
-}
-
 /// Coulomb friction and impacts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 pub struct FrictionSection {
     /// Friction between parts and plate.
     #[schemars(range(min = 0.01, max = 2.0))]
@@ -106,7 +88,6 @@ impl Default for FrictionSection {
 
 /// A kind of part: a disc, or a point that slides by Coulomb's law and neither spins nor touches others.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct KindEntry {
     /// Diameter, mm; 0 is a point. A part for the camera has 1 mm or more.
     #[schemars(range(min = 0.0, max = 1000.0))]
@@ -124,7 +105,7 @@ pub(crate) struct KindEntry {
 
 /// The simulation itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 pub struct SimulationSection {
     /// Time step of motors, plate and parts, s.
     #[schemars(range(min = 1e-6, max = 1e-3))]
@@ -135,7 +116,6 @@ pub struct SimulationSection {
 
 /// Knocks from one side that push the plate out of its rest position, at random times and more or less hard.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Knocks {
     /// Mean time between two knocks, s; each time is between half and one and a half of it.
     #[schemars(range(min = 0.1, max = 1000.0))]

@@ -1,12 +1,12 @@
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::daemon_file::DaemonFile;
 use super::job_file::JobFile;
 use super::rig_file::RigFile;
 use super::simulate::ExperimentFile;
-use super::trace::TraceFile;
 use upm_core::document::schema_of;
-use upm_planning::cor_library::RawLibrary;
+use upm_core::signal::RecordedPulse;
+use upm_planning::cor_library::Library;
 
 /// Names that [`schema`] accepts.
 pub fn schema_names() -> &'static [&'static str] {
@@ -15,16 +15,19 @@ pub fn schema_names() -> &'static [&'static str] {
 
 /// The JSON Schema (draft 2020-12) of the file called `name`; `None` for other names.
 pub fn schema(name: &str) -> Option<Value> {
-    let schema = match name {
+    let mut schema = match name {
         "job" => schema_of::<JobFile>(),
         "rig" => schema_of::<RigFile>(),
         "simulate" => schema_of::<ExperimentFile>(),
-        "library" => schema_of::<RawLibrary>(),
-        "trace" => schema_of::<TraceFile>(),
+        "library" => schema_of::<Library>(),
+        "trace" => schema_of::<RecordedPulse>(),
         "daemon" => schema_of::<DaemonFile>(),
         _ => return None,
-    };
-    Some(schema.clone())
+    }
+    .clone();
+    let about = "Path or address of this file's schema, for editors. Nothing else reads it.";
+    schema["properties"]["$schema"] = json!({ "description": about, "type": "string" });
+    Some(schema)
 }
 
 #[cfg(test)]

@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 
 /// Places for the parts by one rule; exactly one of its keys.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 #[schemars(extend("minProperties" = 1, "maxProperties" = 1))]
 pub(crate) struct TargetRule {
     /// Evenly spaced from one point to another.
@@ -22,7 +21,6 @@ pub(crate) struct TargetRule {
 
 /// A straight row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct LineShape {
     /// Place of the first part, mm.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
@@ -34,7 +32,6 @@ pub(crate) struct LineShape {
 
 /// Rows and columns. One of them may be left out: it follows from the number of parts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct GridShape {
     /// Middle of the grid, mm. Left out: the middle of the plate.
     #[serde(default)]
@@ -53,7 +50,6 @@ pub(crate) struct GridShape {
 
 /// A line of text.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct TextShape {
     /// Letters A to Z, digits, `+`, `-`, `/` and spaces. Small letters are written as capitals.
     #[schemars(length(min = 1, max = 32))]
@@ -69,7 +65,6 @@ pub(crate) struct TextShape {
 
 /// A drawing: a file or path data, and its width or its height.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct SvgShape {
     /// Path of an SVG file relative to this one; its `path` elements are taken, with their transforms.
     pub(crate) file: Option<String>,
@@ -90,7 +85,6 @@ pub(crate) struct SvgShape {
 
 /// A circle, for places or to go round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct CircleShape {
     /// Its centre, mm. Left out: the middle of the plate.
     #[serde(default)]
@@ -110,7 +104,6 @@ pub(crate) struct CircleShape {
 
 /// A closed figure: `x = w/2 sin(a t + phase)`, `y = h/2 sin(b t)`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub(crate) struct LissajousShape {
     /// Its middle, mm. Left out: the middle of the plate.
     #[serde(default)]

@@ -2,7 +2,6 @@
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use serde::de::IgnoredAny;
 
 use super::clearance::check_apart;
 use super::placement::PlacedPart;
@@ -13,18 +12,13 @@ use upm_core::document::{Diagnostic, Diagnostics, Path, parse_and_build, text_of
 use upm_core::geometry::Twist;
 use upm_core::job::PlateMode;
 use upm_core::signal::{Envelope, TwistHarmonic};
-use upm_core::units::mm_from_m;
+use upm_core::units::{mm_from_m, whole};
 use upm_sim::OpenPulse;
 
 /// An open-loop experiment: given pulses on given parts.
 #[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 #[schemars(title = "simulate")]
 pub(super) struct ExperimentFile {
-    /// Path or address of this file's schema, for editors. Nothing else reads it.
-    #[serde(rename = "$schema", default)]
-    #[schemars(with = "String")]
-    _schema: IgnoredAny,
     /// The rig: a path relative to this file, or the object itself.
     rig: RigSource,
     /// How the plate moves.
@@ -40,18 +34,13 @@ pub(super) struct ExperimentFile {
     #[schemars(length(min = 1, max = 1000))]
     pulses: Vec<PulseEntry>,
     /// Samples a second of the trajectories put out.
-    #[serde(default = "sample_hz")]
+    #[serde(default = "whole::<1000>")]
     #[schemars(range(min = 1.0, max = 100_000.0))]
     sample_hz: f64,
 }
 
-fn sample_hz() -> f64 {
-    1000.0
-}
-
 /// A part and where it starts.
 #[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 struct PartEntry {
     /// penny, nickel, dime, quarter or a kind of the rig's.
     kind: String,
@@ -63,7 +52,6 @@ struct PartEntry {
 /// A pulse: a rotation (`cor_mm`, `omega_rad_s`) or a translation (`direction_deg`, `speed_mps`), both with the wave
 /// `cos wt - ½ cos 2wt`; or any periodic motion of the plate (`harmonics`).
 #[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 struct PulseEntry {
     /// Centre of rotation, mm.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
@@ -98,7 +86,7 @@ struct PulseEntry {
 /// One harmonic of the plate's velocity: `cos` and `sin` times `cos kwt` and `sin kwt`. Each is the velocity of the
 /// plate's centre along x and y, m/s, and its spin, rad/s, counter-clockwise.
 #[derive(Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 struct HarmonicEntry {
     /// Amplitudes of `cos kwt`: m/s, m/s, rad/s.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]

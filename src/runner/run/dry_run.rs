@@ -77,7 +77,7 @@ pub fn dry_run(
     let speed_mps = fast.and_then(|(_, asked_mps, longest_m)| {
         let run = dry_runs.pop()?;
         let advanced_s = run.record.advanced_s();
-        (run.is_completed() && advanced_s > 0.0).then(|| [asked_mps, longest_m / advanced_s])
+        (run.report.reached_goal() && advanced_s > 0.0).then(|| [asked_mps, longest_m / advanced_s])
     });
     let by_fields = params.method == PlanningMethod::SynthesizedField;
     let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();

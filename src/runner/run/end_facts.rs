@@ -3,14 +3,12 @@
 use pathfinding::prelude::{Matrix, kuhn_munkres_min};
 
 use super::{PlannerSelection, RunError, RunSetup};
-use crate::config::{Assignment, JobSpec, TaskSpec};
+use crate::config::{Assignment, JobSpec, TaskSpec, fault_entry};
 use upm_control::{ExpectedPart, FinalState, RunEnd};
 use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
 use upm_core::rig::Rig;
-use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
-use upm_recording::{FaultReport, PartReport, Report, StopReport, Verdict, rounded};
-use upm_sim::faults::FaultSpec;
+use upm_recording::{FaultEntry, PartReport, Report, StopReport, Verdict, rounded};
 
 /// Allowance for the measurement error by which a true error may exceed the tolerance, mm.
 const SENSING_MM: f64 = 0.1;
@@ -24,7 +22,7 @@ pub(super) fn ending<R: Rig>(
 ) -> Report {
     let FinalState { ending: RunEnd { outcome, cause, reason }, wanted, measured_m, lost } = finish;
     let parts_of = |setup: &RunSetup<R>| {
-        let truth = setup.truth().read();
+        let truth = setup.truth.read();
         let part_at_end = |(i, part): (usize, &ExpectedPart)| {
             let kind = setup.params.kinds.get(part.kind).map_or("", |kind| &kind.name);
             let target_m = wanted.as_ref().and_then(|wanted| wanted.targets_m.get(i).copied());
@@ -74,17 +72,10 @@ pub(super) fn add_write_failure(ending: &mut RunEnd, error: &RunError) {
 }
 
 /// Faults that have begun by now.
-fn faults_within<R: Rig>(setup: &RunSetup<R>) -> Vec<FaultReport> {
+fn faults_within<R: Rig>(setup: &RunSetup<R>) -> Vec<FaultEntry> {
     let now = setup.now();
     let begun = setup.faults.iter().filter(|fault| fault.from <= now);
-    let report = |fault: &FaultSpec| FaultReport {
-        component: fault.component.name(),
-        kind: fault.kind.name().to_owned(),
-        value: fault.values.iter().copied().take(fault.kind.values().len()).collect(),
-        from_s: fault.from.secs(),
-        to_s: fault.to.map(PlateTime::secs),
-    };
-    begun.map(report).collect()
+    begun.map(fault_entry).collect()
 }
 
 /// Verdict of the ground truth on `report`, a run of `job`; `None` if the truth is unknown. Parts on endless paths or

@@ -133,7 +133,7 @@ impl TruthLog {
         }
         let file = File::create(folder.path().join(TRUTH_FILE))
             .map_err(|error| folder.write_error(TRUTH_FILE, &reason(&error)))?;
-        Ok(Self { to: Some((setup.truth(), BufWriter::new(file))), broken: None })
+        Ok(Self { to: Some((setup.truth.clone(), BufWriter::new(file))), broken: None })
     }
 
     /// Flushes the file; `Err` has the first error of any write.

@@ -107,7 +107,8 @@ impl<'a> InMemoryRun<'a> {
     ) -> (Report, R) {
         let Self { job, library, setup, has_own_task } = self;
         let mut setup = setup.with_rig(make);
-        let (mut named, mut stats) = (TruthInJobOrder::new(setup.truth()), RunStats::new(Some(setup.truth())));
+        let (mut named, mut stats) =
+            (TruthInJobOrder::new(setup.truth.clone()), RunStats::new(Some(setup.truth.clone())));
         let mut sinks = Fanout::new().with(&mut named).with(&mut stats).with(watcher);
         let finish = play(&mut setup, &library, &mut sinks);
         let mut report = stats.report(ending(job, Some(&setup), finish, 0.0));

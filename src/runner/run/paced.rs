@@ -170,9 +170,9 @@ impl PacingStats {
     /// The figures of a run before which `missed_before` deadlines were missed.
     pub(super) fn report(&self, missed_before: u64) -> PacingReport {
         PacingReport {
-            deadline_misses: Some(self.misses().saturating_sub(missed_before)),
-            worst_late_frames: Some(self.worst_frames()),
-            behind_s: Some(rounded(self.behind().as_secs_f64())),
+            deadline_misses: self.misses().saturating_sub(missed_before),
+            worst_late_frames: self.worst_frames(),
+            behind_s: rounded(self.behind().as_secs_f64()),
         }
     }
 

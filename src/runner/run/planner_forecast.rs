@@ -6,10 +6,9 @@ use super::in_memory::InMemoryRun;
 use super::planner_selection::PlannerSelection;
 use super::setup::RunSetup;
 use crate::config::{Diagnostic, JobSpec, PlannerChoice, TaskSpec};
-use upm_core::job::{CameraMode, Outcome};
+use upm_core::job::CameraMode;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::PlanningMethod;
-use upm_recording::Verdict;
 
 /// Most parts for which rotations can be as fast as fields.
 const NEAR: usize = 4;
@@ -57,8 +56,6 @@ fn predicted_time_s(job: &JobSpec, library: &Arc<Library>) -> Option<f64> {
     job.faults.clear();
     job.rig.document.friction.spread = 0.0;
     job.rig.document.simulation.knocks = None;
-    let run = InMemoryRun::planned_by(&job, Arc::clone(library), PlannerSelection::of(&job)).ok()?;
-    let report = run.run();
-    let is_there = report.outcome == Outcome::Completed && report.verdict != Some(Verdict::FalseSuccess);
-    is_there.then_some(report.plate_time_s)
+    let report = InMemoryRun::planned_by(&job, Arc::clone(library), PlannerSelection::of(&job)).ok()?.run();
+    report.reached_goal().then_some(report.plate_time_s)
 }

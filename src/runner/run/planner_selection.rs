@@ -44,11 +44,11 @@ impl PlannerSelection {
         let is_other =
             |other: &PlanningMethod| *other != method && (has_fields || *other != PlanningMethod::SynthesizedField);
         let report = PlannerReport {
-            name: name_of(method).into(),
+            name: method.code().into(),
             chosen: if job.planner == PlannerChoice::Auto { SelectedBy::Auto } else { SelectedBy::Job },
             code: code.into(),
             why,
-            alternatives: possible.into_iter().filter(is_other).map(|other| name_of(other).into()).collect(),
+            alternatives: possible.into_iter().filter(is_other).map(|other| other.code().into()).collect(),
         };
         Self { method, report }
     }
@@ -56,15 +56,6 @@ impl PlannerSelection {
     /// The planner's name in a job file.
     pub fn name(&self) -> &str {
         &self.report.name
-    }
-}
-
-/// Name of a planner in a job file.
-fn name_of(method: PlanningMethod) -> &'static str {
-    match method {
-        PlanningMethod::CorSequence => "cor_sequence",
-        PlanningMethod::SynthesizedField => "synthesized_field",
-        PlanningMethod::PseudoInverse => "pseudo_inverse",
     }
 }
 
@@ -115,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn name_of_every_planner_is_the_one_a_job_file_has() {
+    fn code_of_every_planner_is_its_name_in_a_job_file() {
         for planner in [PlannerChoice::CorSequence, PlannerChoice::SynthesizedField, PlannerChoice::PseudoInverse] {
             let in_file = serde_json::to_value(planner).unwrap();
             assert_eq!(json!(selection("upm-2", 2, in_file.clone()).name()), in_file);

@@ -100,11 +100,6 @@ impl<R: Rig> RunSetup<R> {
     pub fn now(&self) -> PlateTime {
         self.rig.now()
     }
-
-    /// Handle on the true positions.
-    pub fn truth(&self) -> GroundTruthHandle {
-        self.truth.clone()
-    }
 }
 
 /// Number of frames without a detection after which a part is lost; at low frame rates a single bad picture does not

@@ -13,6 +13,7 @@ use upm_control::{FrameFacts, PulseFacts};
 use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
 use upm_core::rig::{RigFault, Trip};
 use upm_core::time::PlateTime;
+use upm_recording::PacingReport;
 
 const STEP_S: f64 = 5e-5;
 
@@ -159,7 +160,7 @@ fn an_emergency_stop_in_a_pulse_ends_the_run_and_nothing_is_played_after_it() {
     let answer = plate.interlock.stop_times().unwrap();
     assert!(answer.motors_off_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
     assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
-    assert_eq!(stopped.report.pacing, upm_recording::PacingReport::default());
+    assert_eq!(stopped.report.pacing, None);
     assert!(plate.interlock.release(Trip::EStop), "the rig is gone");
 }
 
@@ -189,8 +190,8 @@ fn process_stopped_in_a_pulse_loses_the_lease_under_strict_deadlines() {
     assert_eq!(stopped.events.iter().rev().take(2).collect::<Vec<_>>(), [&reason, &by_rig]);
     let answer = plate.interlock.stop_times().unwrap();
     assert!(stopped.report.plate_time_s > answer.motors_off_at.secs() + 2.0, "time went on without force");
-    let pacing = stopped.report.pacing;
-    assert!(pacing.deadline_misses == Some(1) && pacing.worst_late_frames > Some(10), "{pacing:?}");
+    let pacing = stopped.report.pacing.unwrap();
+    assert!(pacing.deadline_misses == 1 && pacing.worst_late_frames > 10, "{pacing:?}");
     assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
 }
 
@@ -200,9 +201,8 @@ fn process_stopped_in_a_pulse_falls_behind_and_completes_under_relaxed_deadlines
     let stand_still = || plate.clock.ahead_ns.store(8_000_000_000, Ordering::Relaxed);
     let stalled = StopRecord::run_job(&short_job("relaxed"), &plate, true, 1, stand_still, None);
     let report = &stalled.report;
-    let pacing = report.pacing;
-    assert_eq!((report.outcome, pacing.deadline_misses, &report.stop), (Outcome::Completed, Some(1), &None));
-    let behind_s = pacing.behind_s.unwrap();
+    let PacingReport { deadline_misses, behind_s, .. } = report.pacing.unwrap();
+    assert_eq!((report.outcome, deadline_misses, &report.stop), (Outcome::Completed, 1, &None));
     assert!((behind_s - 8.0).abs() < 0.04, "{behind_s}");
     assert!(report.plate_time_s < 8.0, "plate time did not pass meanwhile: {}", report.plate_time_s);
     assert_eq!(plate.interlock.tripped(), None);
@@ -214,7 +214,7 @@ fn process_stopped_in_a_pulse_falls_behind_and_completes_under_relaxed_deadlines
     let effective = std::fs::read_to_string(fast.folder().join("effective.json")).unwrap();
     let effective: Value = serde_json::from_str(&effective).unwrap();
     assert_eq!(effective["job"]["deadlines"], "strict");
-    assert_eq!(fast.report.pacing, upm_recording::PacingReport::default(), "there was no clock to keep to");
+    assert_eq!(fast.report.pacing, None, "there was no clock to keep to");
 }
 
 #[test]

@@ -9,9 +9,9 @@ use serde_json::Value;
 use super::{RunError, RunSetup, TruthInJobOrder, job_library};
 use crate::config::{Diagnostic, JobSpec, Origin, reason};
 use upm_control::Sink;
-use upm_core::job::{RecordingEnd, StopCause};
+use upm_core::job::StopCause;
 use upm_core::time::StoppedClock;
-use upm_recording::{Fanout, Journal};
+use upm_recording::{Fanout, Journal, RECORDING_FAILED};
 
 /// Number of lines at the end of a journal among which the event of a stop is found; it is followed by its cause, the
 /// events of the recording, and a cycle that never ended.
@@ -49,7 +49,7 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
     let enough = AtomicBool::new(false);
     let mut repetition = Repetition::of(&recorded, &enough);
     let mut journal = Journal::new(&mut repetition, Arc::clone(&library));
-    let mut named = TruthInJobOrder::new(setup.truth());
+    let mut named = TruthInJobOrder::new(setup.truth.clone());
     let mut end_if_stopped = |_: &mut dyn Sink, _| {
         enough.fetch_or(stop.load(Ordering::Relaxed), Ordering::Relaxed);
     };
@@ -154,7 +154,7 @@ fn event_of(line: &str) -> Option<Value> {
 
 /// True for an event about the end of the recording, which depends on the disk and not on the run.
 fn is_of_recording(event: &Value) -> bool {
-    event["code"].as_str().and_then(RecordingEnd::of_code).is_some()
+    event["code"] == RECORDING_FAILED
 }
 
 /// True for an event of a stop from outside the run.

@@ -19,7 +19,6 @@ const IDEMPOTENCY_REPLAYED: HeaderName = HeaderName::from_static("idempotency-re
 /// Selection of jobs to list, newest first.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[schemars(inline)]
-#[serde(deny_unknown_fields)]
 pub struct JobsQuery {
     /// Only jobs in this state.
     pub state: Option<JobState>,
@@ -67,7 +66,6 @@ pub(super) struct JobPath {
 
 #[derive(Deserialize, JsonSchema)]
 #[schemars(inline)]
-#[serde(deny_unknown_fields)]
 pub(super) struct SubmitQuery {
     /// How fast the job runs; left out: the pace in the daemon's configuration, `real-time` if none is set.
     pace: Option<Pace>,

@@ -14,6 +14,7 @@ use sha2::{Digest, Sha256};
 
 use super::extract::ApiState;
 use crate::http::Problem;
+use upm_core::document::counted;
 
 static FILES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../assets/page");
 static CONFIGS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../configs");
@@ -102,7 +103,7 @@ fn what(job: &Value) -> Option<String> {
     let count = |part: &Value| part.get("count").map_or(Some(1), Value::as_u64);
     let parts: u64 = job.get("parts")?.as_array()?.iter().map(count).sum::<Option<u64>>()?;
     let task = job.get("task")?.get("type")?.as_str()?.replace('_', " ");
-    let parts = format!("{task}, {parts} {}", if parts == 1 { "part" } else { "parts" });
+    let parts = format!("{task}, {}", counted(parts as usize, "part"));
     let planner = job.get("planner").and_then(Value::as_str);
     Some(planner.map_or(parts.clone(), |planner| format!("{parts}, {planner}")))
 }

@@ -24,13 +24,11 @@ pub struct Plates {
     /// The plates, in the order of the configuration.
     pub plates: Vec<Plate>,
     /// Address and port of the listener whose `POST /v1/estop` stops every plate; null where there is none.
-    #[serde(default)]
     pub stop_listen: Option<String>,
 }
 
 /// A request to end an emergency stop.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct ResetRequest {
     /// Name of the operator who inspected the plate.
     #[schemars(length(min = 1, max = 200), extend("pattern" = "\\S"))]

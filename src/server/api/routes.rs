@@ -93,7 +93,7 @@ fn operate() -> Routes {
 /// The same routes for clients whose token grants `scope`.
 fn admitted(routes: Routes, scope: Scope, tokens: &Arc<Tokens>) -> Routes {
     routes
-        .with_path_items(|path| path.security_requirement_scopes("token", [scope.name()]))
+        .with_path_items(|path| path.security_requirement_scopes("token", [scope.code()]))
         .route_layer(from_fn_with_state((tokens.clone(), scope), admit))
 }
 

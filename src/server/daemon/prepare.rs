@@ -7,7 +7,6 @@ use rustix::process::umask;
 
 use crate::http::{Scope, Tokens};
 use upm_planning::cor_library::Library;
-use upm_recording::RerunMode;
 use upm_runner::config::{DaemonSpec, Diagnostic, PlateSpec, reason};
 use upm_runner::run::{check_places, load_library};
 use upm_viewer::RerunSink;
@@ -43,7 +42,7 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
         faults.extend(reached.map(|(key, address)| fault(spec, key, address.to_string(), allowed)));
     }
     faults.extend(data_fault(spec));
-    let rerun = RerunSink::check(&rerun_of(spec)).err();
+    let rerun = spec.rerun.as_ref().and_then(|mode| RerunSink::check(mode).err());
     faults.extend(rerun.map(|error| fault(spec, "rerun", error.to_string(), "off, save, connect or connect=URL")));
     if !faults.is_empty() {
         return Err(faults);
@@ -52,12 +51,6 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
         tracing::warn!("`read_token_file` alone lets no client submit, cancel, reset or resume; add a `token_file`");
     }
     Ok(Prepared { tokens: Arc::new(tokens), libraries })
-}
-
-/// Destination of the runs' recordings.
-pub(super) fn rerun_of(spec: &DaemonSpec) -> RerunMode {
-    let usual = if upm_viewer::BUILT_IN { RerunMode::Save } else { RerunMode::Off };
-    spec.rerun.clone().unwrap_or(usual)
 }
 
 fn fault(spec: &DaemonSpec, path: &str, found: String, allowed: &str) -> Diagnostic {
@@ -71,13 +64,11 @@ fn taken<T>(made: Result<T, Vec<Diagnostic>>, faults: &mut Vec<Diagnostic>) -> O
 /// The tokens in the files that `spec` names; their faults are added to `faults`.
 fn tokens_of(spec: &DaemonSpec, faults: &mut Vec<Diagnostic>) -> Tokens {
     let mut tokens = Tokens::default();
-    let files = [
-        ("token_file", "operate", &spec.token_file, Scope::Operate),
-        ("read_token_file", "read", &spec.read_token_file, Scope::Read),
-    ];
-    for (key, name, file, scope) in files {
+    let files =
+        [("token_file", &spec.token_file, Scope::Operate), ("read_token_file", &spec.read_token_file, Scope::Read)];
+    for (key, file, scope) in files {
         let Some(file) = file else { continue };
-        let added = secret_in(file).and_then(|secret| tokens.add(name, &secret, scope));
+        let added = secret_in(file).and_then(|secret| tokens.add(scope.code(), &secret, scope));
         if let Err(wrong) = added {
             let allowed = "a file that holds one token: at least 32 visible ASCII characters";
             faults.push(fault(spec, key, format!("{}: {wrong}", file.display()), allowed));

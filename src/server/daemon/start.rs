@@ -9,7 +9,7 @@ use jiff::Timestamp;
 use sd_notify::{NotifyState, notify, watchdog_enabled};
 
 use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
-use super::prepare::{Prepared, rerun_of};
+use super::prepare::Prepared;
 use crate::api::{DaemonState, app, liveness_failures};
 use crate::http::{AllowedHosts, Caller, STOP_PATH, joined, serve, serve_stops};
 use crate::store::{JobState, RecoveryReport, Store, StoreFault, StoreLimits};
@@ -74,7 +74,7 @@ impl Daemon {
     /// Binds its ports, opens the store, recovers the state that the previous daemon left and creates the plates.
     /// Requests wait until [`Self::serve`]. Plates that need an operator's consent stay still.
     pub fn start(
-        mut spec: DaemonSpec,
+        spec: DaemonSpec,
         prepared: Prepared,
         clock: MonotonicClock,
         now: fn() -> Timestamp,
@@ -86,8 +86,7 @@ impl Daemon {
         let KeepSpec { jobs, runs_bytes, standing_runs } = spec.keep;
         let limits = StoreLimits { queued: spec.queue, jobs, runs_bytes, standing_runs };
         let opened = Store::open(&spec.data, &spec.plate_names(), limits, now).map_err(StartFault::Store)?;
-        let (store, recovery) = (Arc::new(opened.store), opened.recovery);
-        spec.rerun = Some(rerun_of(&spec));
+        let (store, recovery) = (Arc::new(opened.0), opened.1);
         let plates = PlateSupervisor::start(&spec, prepared.libraries, &store, &recovery, clock);
         let plates = plates.map_err(StartFault::Plates)?;
         log_recovery(&recovery, &store, &spec);

@@ -50,7 +50,7 @@ pub fn joined(reasons: &[Reason]) -> String {
 }
 
 /// A problem document (RFC 9457) without a `type`: the status says the kind.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ProblemDocument {
     /// Name of the status.
     pub title: String,
@@ -85,9 +85,7 @@ impl Problem {
             title: status.canonical_reason().unwrap_or_default().to_owned(),
             status: status.as_u16(),
             detail: detail.into(),
-            instance: None,
-            faults: Vec::new(),
-            reasons: Vec::new(),
+            ..ProblemDocument::default()
         };
         Self { status, document: Box::new(document), headers: HeaderMap::new() }
     }

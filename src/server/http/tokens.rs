@@ -6,26 +6,19 @@ use sha2::{Digest, Sha256};
 use subtle::ConstantTimeEq;
 
 use super::problem::Problem;
+use upm_core::coded_enum;
 
 /// Shortest token, characters.
 const SHORTEST_TOKEN: usize = 32;
 
-/// Scope of a token; the larger one includes the smaller.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Scope {
-    /// Read, and stop a plate in an emergency.
-    Read,
-    /// Submit, cancel, reset, resume.
-    Operate,
-}
-
-impl Scope {
-    /// Name of the scope in configuration, OpenAPI document and log.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Read => "read",
-            Self::Operate => "operate",
-        }
+coded_enum! {
+    /// Scope of a token, with its name in OpenAPI document and log; the larger one includes the smaller.
+    #[derive(PartialOrd, Ord)]
+    pub enum Scope {
+        /// Read, and stop a plate in an emergency.
+        Read = "read",
+        /// Submit, cancel, reset, resume.
+        Operate = "operate",
     }
 }
 
@@ -89,7 +82,7 @@ impl Tokens {
         let unknown = || refused(StatusCode::UNAUTHORIZED, "the token is not one of this daemon's");
         let token = token.ok_or_else(unknown)?;
         if token.scope < needed {
-            let detail = format!("the token may {}, this needs one that may {}", token.scope.name(), needed.name());
+            let detail = format!("the token may {}, this needs one that may {}", token.scope.code(), needed.code());
             return Err(refused(StatusCode::FORBIDDEN, &detail));
         }
         Ok(token.name.clone())

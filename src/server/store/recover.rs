@@ -4,9 +4,8 @@ use std::path::Path;
 use rusqlite::Connection;
 use serde_json::Value;
 
-use super::audit::ended_in_order;
 use super::columns::{Json, rows};
-use super::jobs::job_of;
+use super::jobs::{ended_in_order, job_of};
 use super::run_folders::{modified, text_of};
 use super::{AuditEntry, JobEnd, JobState, RecordingStatus, RecoveryReport, Store, StoreFault};
 use crate::states::PauseCause;
@@ -66,7 +65,7 @@ fn end_of(folder: Option<&Path>) -> JobEnd {
     let text = |at: &str| report.as_ref()?.pointer(at)?.as_str();
     let outcome = text("/outcome").and_then(Outcome::of_code);
     let is_recorded = folder.is_some_and(|folder| fs::symlink_metadata(folder.join("run.rrd")).is_ok());
-    let recording = match (outcome, text("/recording/code")) {
+    let recording = match (outcome, text("/recording")) {
         _ if !is_recorded => RecordingStatus::None,
         (None, _) => RecordingStatus::Partial,
         (Some(_), Some(_)) => RecordingStatus::Failed,

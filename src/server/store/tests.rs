@@ -10,8 +10,8 @@ use jiff::Timestamp;
 use parking_lot::MutexGuard;
 
 use super::{
-    AuditEntry, Job, JobEnd, JobId, JobRow, JobState, JobWithSpec, OpenOutcome, Opened, Pace, RecordingStatus, Store,
-    StoreFault, StoreLimits, SubmitOutcome,
+    AuditEntry, Job, JobEnd, JobId, JobRow, JobState, JobWithSpec, Opened, Pace, RecordingStatus, RecoveryReport,
+    Store, StoreFault, StoreLimits, SubmitOutcome,
 };
 
 const TIMEOUT: Duration = Duration::from_secs(60);
@@ -63,18 +63,18 @@ fn plates() -> Vec<String> {
     ["a", "b"].map(String::from).to_vec()
 }
 
-fn try_open(data: &Path, limits: StoreLimits) -> Result<OpenOutcome, StoreFault> {
+fn try_open(data: &Path, limits: StoreLimits) -> Result<(Store, RecoveryReport), StoreFault> {
     Store::open(data, &plates(), limits, fixed_time)
 }
 
-fn open(data: &Path, limits: StoreLimits) -> OpenOutcome {
+fn open(data: &Path, limits: StoreLimits) -> (Store, RecoveryReport) {
     try_open(data, limits).unwrap()
 }
 
 /// A new store in a new folder.
 fn new_store(limits: StoreLimits) -> (tempfile::TempDir, Store) {
     let folder = tempfile::tempdir().unwrap();
-    let OpenOutcome { store, recovery } = open(folder.path(), limits);
+    let (store, recovery) = open(folder.path(), limits);
     assert_eq!((recovery.clean, recovery.paused.len()), (true, 0));
     (folder, store)
 }
@@ -127,7 +127,7 @@ fn end(state: JobState) -> JobEnd {
 }
 
 /// A store killed now and opened again, on a copy of its files.
-fn killed(data: &Path) -> (tempfile::TempDir, OpenOutcome) {
+fn killed(data: &Path) -> (tempfile::TempDir, (Store, RecoveryReport)) {
     let copy = tempfile::tempdir().unwrap();
     copy_folder(data, copy.path());
     let opened = open(copy.path(), limits());

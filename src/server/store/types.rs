@@ -43,11 +43,9 @@ pub struct Job {
     /// State of its recording.
     pub recording: RecordingStatus,
     /// True for a run of its plate's standing job, which no client submitted.
-    #[serde(default)]
     pub standing: bool,
     /// Turn in its plate's queue: the lowest runs first, equal ones in the order of their ids. Zero unless the job was
     /// moved to the front.
-    #[serde(default)]
     pub turn: i64,
 }
 

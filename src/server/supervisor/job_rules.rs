@@ -6,6 +6,7 @@ use parking_lot::Mutex;
 
 use crate::states::{StandingJob, StandingState};
 use crate::store::{Job, JobRow, JobWithSpec, Pace};
+use upm_core::document::counted;
 use upm_planning::cor_library::Library;
 use upm_runner::config::{Diagnostic, JobSpec, Origin, Path, RigSpec, StandingSpec};
 use upm_runner::run::check_places;
@@ -44,8 +45,7 @@ impl JobRules {
             return refused("library", "a library".into(), format!("nothing (plate {} has its library)", self.plate));
         }
         if !self.allow_faults && !job.faults.is_empty() {
-            let count = job.faults.len();
-            let found = format!("{count} fault{}", if count == 1 { "" } else { "s" });
+            let found = counted(job.faults.len(), "fault");
             return refused("faults", found, "none (unless the daemon's file says \"allow_faults\": true)".into());
         }
         check_places(&job).map_err(|fault| vec![fault])?;

@@ -19,8 +19,8 @@ use crate::store::{RecoveryReport, Store};
 use upm_core::rig::Interlock;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_planning::cor_library::Library;
-use upm_recording::RerunMode;
 use upm_runner::config::{DaemonSpec, PlateSpec, WatchdogSpec};
+use upm_viewer::USUAL_MODE;
 
 /// Longest time since the last check of a watchdog that is alive.
 const WATCHDOG_INTERVAL_LIMIT: Duration = Duration::from_secs(1);
@@ -157,7 +157,7 @@ fn start_plate(
         idled: AtomicU64::new(0),
         name,
     });
-    let rerun = daemon.rerun.clone().unwrap_or(RerunMode::Off);
+    let rerun = daemon.rerun.clone().unwrap_or(USUAL_MODE);
     let worker = PlateWorker { shared: Arc::clone(&plate), rerun, min_free_bytes: daemon.min_free_bytes };
     let thread = thread::Builder::new().name(format!("plate-{}", plate.name));
     let worker = thread.spawn(move || worker.work())?;

@@ -39,7 +39,7 @@ impl TestPlates {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let limits = crate::store::tests::limits();
-        let store = Store::open(folder.path(), &[], limits, jiff::Timestamp::now).unwrap().store;
+        let store = Store::open(folder.path(), &[], limits, jiff::Timestamp::now).unwrap().0;
         Self { folder, store: Arc::new(store), standing: None, allow_faults: false }
     }
 

@@ -27,10 +27,8 @@ pub struct Plate {
     /// Why it is idle; empty when it runs a job or could.
     pub why: String,
     /// The cause of its pause; null unless it is paused.
-    #[serde(default)]
     pub pause: Option<PauseCause>,
     /// Current findings of the run on it that an operator should know of.
-    #[serde(default)]
     pub findings: Vec<PlateFinding>,
     /// Id of the job on it; null when there is none.
     pub job: Option<String>,
@@ -45,7 +43,6 @@ pub struct Plate {
     /// Side of the square plate, mm. Its centre is the origin of all positions.
     pub side_mm: f64,
     /// The kinds of parts that its rig knows.
-    #[serde(default)]
     pub kinds: Vec<LayoutPart>,
     /// Position of each part, mm.
     pub positions_mm: Vec<[f64; 2]>,
@@ -63,7 +60,6 @@ pub struct Plate {
     /// Lag of plate time behind the clock in the present or last run, s: this computer was too slow.
     pub behind_s: f64,
     /// Size of the recording being written, MB; null while none is.
-    #[serde(default)]
     pub recording_mb: Option<f64>,
     /// Emergency stops since the daemon started.
     #[serde(skip)]

@@ -136,7 +136,8 @@ impl PlateWorker {
         journal: WriterStatus,
     ) -> Result<RunResult, Vec<String>> {
         let shared = &*self.shared;
-        let job = JobSpec::from_json(spec_json, &Origin::of_request("job"), Some(&shared.rules.rig)).map_err(lines)?;
+        let job = JobSpec::from_json(spec_json, &Origin::of_request("job"), Some(&shared.rules.rig))
+            .map_err(|faults| faults.iter().map(ToString::to_string).collect::<Vec<_>>())?;
         if row.rig_fingerprint != shared.rules.rig.fingerprint {
             return Err(vec!["the plate has another rig than when the job was accepted".to_owned()]);
         }
@@ -263,8 +264,4 @@ fn recording_status(state: RecordingState) -> (RecordingStatus, String) {
         RecordingState::Failed(why) => (RecordingStatus::Failed, why),
         RecordingState::Whole => (RecordingStatus::Whole, String::new()),
     }
-}
-
-fn lines<T: ToString>(faults: Vec<T>) -> Vec<String> {
-    faults.iter().map(ToString::to_string).collect()
 }

@@ -1,5 +1,6 @@
 //! Vocabulary of faults, and the data of one fault.
 
+use upm_core::coded_enum;
 use upm_core::time::PlateTime;
 
 /// A component of the rig, with its index where there are several.
@@ -77,7 +78,7 @@ impl FaultyComponent {
     /// The kinds of faults that the component can have.
     pub fn kinds(self) -> impl Iterator<Item = FaultKind> {
         let class = self.class();
-        KINDS.iter().filter(move |(_, _, classes, _)| classes.contains(&class)).map(|(kind, ..)| *kind)
+        FaultKind::ALL.into_iter().filter(move |kind| kind.facts().0.contains(&class))
     }
 }
 
@@ -102,141 +103,127 @@ const fn whole(name: &'static str, max: f64) -> ValueRange {
     ValueRange { name, min: 0.0, max, whole: true }
 }
 
-/// Kinds of faults. [`FaultKind::name`] gives their names in files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FaultKind {
-    /// The picture no longer changes, but its time stamps do.
-    Freeze,
-    /// Pictures delayed by this many frames, with fresh stamps; samples delayed by this many.
-    Late,
-    /// Frames are lost, each with this probability.
-    Drop,
-    /// Black pictures.
-    Dark,
-    /// Pictures, or samples, of noise.
-    Garbage,
-    /// The camera is knocked: the picture is shifted, px.
-    Shift,
-    /// The camera is knocked: the picture is turned, degrees.
-    Rotate,
-    /// The picture is mirrored.
-    Mirror,
-    /// The exposure is this many times as long: the picture is brighter by the same factor, and smeared.
-    Exposure,
-    /// Light, force or reading multiplied by this factor.
-    Gain,
-    /// The light's level varies by ±30 % at this frequency, Hz.
-    Flicker,
-    /// A hand covers this share of the view.
-    Hand,
-    /// A coin appears in the picture where none is, at this position, mm.
-    Ghost,
-    /// No output.
-    Dead,
-    /// Wired with the wrong polarity.
-    Reversed,
-    /// The output holds its last value.
-    Stuck,
-    /// Two components have changed places.
-    Swapped,
-    /// A slow amplifier: two poles at this frequency, Hz.
-    LowPass,
-    /// A loose contact: no current in this share of the frames.
-    Chatter,
-    /// The reading has the wrong sign.
-    Flip,
-    /// The reading is clipped at this acceleration, m/s².
-    Clipped,
-    /// Moved by hand, mm.
-    Moved,
-    /// Taken off the plate; at the end of the fault put back where it was.
-    Removed,
-    /// Friction times 1000.
-    Glued,
-    /// Friction times 0.001.
-    Ice,
-    /// Friction times this factor.
-    Friction,
-    /// The plate is pushed out of its rest position, mm, and swings back.
-    Bumped,
-    /// The plate is not level: tilt, degrees about y.
-    Tilt,
-    /// Natural frequencies times this factor.
-    Resonance,
-    /// A spot with a tenth of the friction: position and radius, mm.
-    Oil,
-    /// The controller refuses pulses as if one were still playing.
-    Busy,
-    /// Pulses and frames fail with a device error.
-    Error,
-    /// The controller hangs once, for this wall time, s.
-    Hang,
-    /// The controller ignores a stop.
-    Deaf,
-    /// The camera's time stamps are off by this time, s.
-    Skew,
+coded_enum! {
+    /// Kinds of faults, each with its name in files.
+    pub enum FaultKind {
+        /// The picture no longer changes, but its time stamps do.
+        Freeze = "freeze",
+        /// Pictures delayed by this many frames, with fresh stamps; samples delayed by this many.
+        Late = "late",
+        /// Frames are lost, each with this probability.
+        Drop = "drop",
+        /// Black pictures.
+        Dark = "dark",
+        /// Pictures, or samples, of noise.
+        Garbage = "garbage",
+        /// The camera is knocked: the picture is shifted, px.
+        Shift = "shift",
+        /// The camera is knocked: the picture is turned, degrees.
+        Rotate = "rotate",
+        /// The picture is mirrored.
+        Mirror = "mirror",
+        /// The exposure is this many times as long: the picture is brighter by the same factor, and smeared.
+        Exposure = "exposure",
+        /// Light, force or reading multiplied by this factor.
+        Gain = "gain",
+        /// The light's level varies by ±30 % at this frequency, Hz.
+        Flicker = "flicker",
+        /// A hand covers this share of the view.
+        Hand = "hand",
+        /// A coin appears in the picture where none is, at this position, mm.
+        Ghost = "ghost",
+        /// No output.
+        Dead = "dead",
+        /// Wired with the wrong polarity.
+        Reversed = "reversed",
+        /// The output holds its last value.
+        Stuck = "stuck",
+        /// Two components have changed places.
+        Swapped = "swapped",
+        /// A slow amplifier: two poles at this frequency, Hz.
+        LowPass = "low_pass",
+        /// A loose contact: no current in this share of the frames.
+        Chatter = "chatter",
+        /// The reading has the wrong sign.
+        Flip = "flip",
+        /// The reading is clipped at this acceleration, m/s².
+        Clipped = "clipped",
+        /// Moved by hand, mm.
+        Moved = "moved",
+        /// Taken off the plate; at the end of the fault put back where it was.
+        Removed = "removed",
+        /// Friction times 1000.
+        Glued = "glued",
+        /// Friction times 0.001.
+        Ice = "ice",
+        /// Friction times this factor.
+        Friction = "friction",
+        /// The plate is pushed out of its rest position, mm, and swings back.
+        Bumped = "bumped",
+        /// The plate is not level: tilt, degrees about y.
+        Tilt = "tilt",
+        /// Natural frequencies times this factor.
+        Resonance = "resonance",
+        /// A spot with a tenth of the friction: position and radius, mm.
+        Oil = "oil",
+        /// The controller refuses pulses as if one were still playing.
+        Busy = "busy",
+        /// Pulses and frames fail with a device error.
+        Error = "error",
+        /// The controller hangs once, for this wall time, s.
+        Hang = "hang",
+        /// The controller ignores a stop.
+        Deaf = "deaf",
+        /// The camera's time stamps are off by this time, s.
+        Skew = "skew",
+    }
 }
 
 impl FaultKind {
-    /// Its name in files.
-    pub fn name(self) -> &'static str {
-        KINDS[self as usize].1
-    }
-
     /// Ranges of its values, in order; at most three.
     pub fn values(self) -> &'static [ValueRange] {
-        KINDS[self as usize].3
+        self.facts().1
+    }
+
+    /// Classes of the components that can have it, and the ranges of its values.
+    fn facts(self) -> (&'static [&'static str], &'static [ValueRange]) {
+        match self {
+            Self::Freeze | Self::Dark | Self::Mirror => (&["camera"], &[]),
+            Self::Late => (&["camera", "accel"], const { &[whole("frames or samples", 60.0)] }),
+            Self::Drop => (&["camera"], SHARE),
+            Self::Garbage => (&["camera", "accel"], &[]),
+            Self::Shift => (&["camera"], const { &[any("px", -2000.0, 2000.0), any("px", -2000.0, 2000.0)] }),
+            Self::Rotate => (&["camera"], const { &[any("degrees", -180.0, 180.0)] }),
+            Self::Exposure => (&["camera"], const { &[any("a factor", 0.01, 100.0)] }),
+            Self::Gain => (&["light", "coil", "coils", "accel"], const { &[any("a factor", -10.0, 10.0)] }),
+            Self::Flicker => (&["light"], HZ),
+            Self::Hand => (&["view"], SHARE),
+            Self::Ghost => (&["view"], PLACE),
+            Self::Dead | Self::Stuck => (&["coil", "coils", "accel"], &[]),
+            Self::Reversed => (COILS, &[]),
+            Self::Swapped => (&["coils", "parts"], const { &[whole("a number", 63.0), whole("a number", 63.0)] }),
+            Self::LowPass => (COILS, HZ),
+            Self::Chatter => (COILS, SHARE),
+            Self::Flip => (&["accel"], &[]),
+            Self::Clipped => (&["accel"], const { &[any("m/s²", 0.0, 1000.0)] }),
+            Self::Moved => (&["part"], PLACE),
+            Self::Removed | Self::Glued | Self::Ice => (&["part"], &[]),
+            Self::Friction => (&["part", "parts"], const { &[any("a factor", 0.001, 1000.0)] }),
+            Self::Bumped => (&["plate"], const { &[any("mm", -20.0, 20.0), any("mm", -20.0, 20.0)] }),
+            Self::Tilt => (&["plate"], const { &[any("degrees", -10.0, 10.0)] }),
+            Self::Resonance => (&["plate"], const { &[any("a factor", 0.1, 10.0)] }),
+            Self::Oil => (&["plate"], const { &[PLACE[0], PLACE[1], any("mm", 0.0, 1000.0)] }),
+            Self::Busy | Self::Error | Self::Deaf => (&["device"], &[]),
+            Self::Hang => (&["device"], const { &[any("s", 0.0, 600.0)] }),
+            Self::Skew => (&["clock"], const { &[any("s", -10.0, 10.0)] }),
+        }
     }
 }
 
 const COILS: &[&str] = &["coil", "coils"];
-const SHIFT: &[ValueRange] = &[any("px", -2000.0, 2000.0), any("px", -2000.0, 2000.0)];
 const PLACE: &[ValueRange] = &[any("mm", -1000.0, 1000.0), any("mm", -1000.0, 1000.0)];
-const OIL: &[ValueRange] = &[PLACE[0], PLACE[1], any("mm", 0.0, 1000.0)];
-const FACTOR: &[ValueRange] = &[any("a factor", 0.001, 1000.0)];
-const GAIN: &[ValueRange] = &[any("a factor", -10.0, 10.0)];
 const SHARE: &[ValueRange] = &[any("a share", 0.0, 1.0)];
 const HZ: &[ValueRange] = &[any("Hz", 0.01, 10_000.0)];
-const PAIR: &[ValueRange] = &[whole("a number", 63.0), whole("a number", 63.0)];
-
-/// Every kind with its name, classes and values, in the order of the variants.
-pub(super) const KINDS: [(FaultKind, &str, &[&str], &[ValueRange]); 35] = [
-    (FaultKind::Freeze, "freeze", &["camera"], &[]),
-    (FaultKind::Late, "late", &["camera", "accel"], &[whole("frames or samples", 60.0)]),
-    (FaultKind::Drop, "drop", &["camera"], SHARE),
-    (FaultKind::Dark, "dark", &["camera"], &[]),
-    (FaultKind::Garbage, "garbage", &["camera", "accel"], &[]),
-    (FaultKind::Shift, "shift", &["camera"], SHIFT),
-    (FaultKind::Rotate, "rotate", &["camera"], &[any("degrees", -180.0, 180.0)]),
-    (FaultKind::Mirror, "mirror", &["camera"], &[]),
-    (FaultKind::Exposure, "exposure", &["camera"], &[any("a factor", 0.01, 100.0)]),
-    (FaultKind::Gain, "gain", &["light", "coil", "coils", "accel"], GAIN),
-    (FaultKind::Flicker, "flicker", &["light"], HZ),
-    (FaultKind::Hand, "hand", &["view"], SHARE),
-    (FaultKind::Ghost, "ghost", &["view"], PLACE),
-    (FaultKind::Dead, "dead", &["coil", "coils", "accel"], &[]),
-    (FaultKind::Reversed, "reversed", COILS, &[]),
-    (FaultKind::Stuck, "stuck", &["coil", "coils", "accel"], &[]),
-    (FaultKind::Swapped, "swapped", &["coils", "parts"], PAIR),
-    (FaultKind::LowPass, "low_pass", COILS, HZ),
-    (FaultKind::Chatter, "chatter", COILS, SHARE),
-    (FaultKind::Flip, "flip", &["accel"], &[]),
-    (FaultKind::Clipped, "clipped", &["accel"], &[any("m/s²", 0.0, 1000.0)]),
-    (FaultKind::Moved, "moved", &["part"], PLACE),
-    (FaultKind::Removed, "removed", &["part"], &[]),
-    (FaultKind::Glued, "glued", &["part"], &[]),
-    (FaultKind::Ice, "ice", &["part"], &[]),
-    (FaultKind::Friction, "friction", &["part", "parts"], FACTOR),
-    (FaultKind::Bumped, "bumped", &["plate"], &[any("mm", -20.0, 20.0), any("mm", -20.0, 20.0)]),
-    (FaultKind::Tilt, "tilt", &["plate"], &[any("degrees", -10.0, 10.0)]),
-    (FaultKind::Resonance, "resonance", &["plate"], &[any("a factor", 0.1, 10.0)]),
-    (FaultKind::Oil, "oil", &["plate"], OIL),
-    (FaultKind::Busy, "busy", &["device"], &[]),
-    (FaultKind::Error, "error", &["device"], &[]),
-    (FaultKind::Hang, "hang", &["device"], &[any("s", 0.0, 600.0)]),
-    (FaultKind::Deaf, "deaf", &["device"], &[]),
-    (FaultKind::Skew, "skew", &["clock"], &[any("s", -10.0, 10.0)]),
-];
 
 /// One fault: component, kind, values and time span.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -276,9 +263,8 @@ mod tests {
         let components: Vec<FaultyComponent> = classes.iter().filter_map(|name| FaultyComponent::named(name)).collect();
         assert_eq!(components.len(), classes.len());
         assert_eq!(components.iter().map(|c| c.name()).collect::<Vec<_>>(), classes);
-        for (i, (kind, name, ..)) in KINDS.into_iter().enumerate() {
-            assert_eq!(kind as usize, i, "rows stand in the order of the variants");
-            assert_eq!(KINDS.iter().filter(|(_, other, ..)| *other == name).count(), 1, "{name}");
+        for kind in FaultKind::ALL {
+            assert_eq!(FaultKind::of_code(kind.code()), Some(kind));
             assert!(components.iter().any(|component| component.kinds().any(|k| k == kind)), "{kind:?}");
             assert!(kind.values().len() <= 3);
         }

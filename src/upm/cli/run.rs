@@ -8,16 +8,17 @@ use super::shipped::is_shipped;
 use super::summary::print_summary;
 use upm_core::job::{Outcome, Pace};
 use upm_core::time::MonotonicClock;
-use upm_recording::{RecordingOptions, Report, RerunMode, Verdict};
+use upm_recording::{RecordingOptions, Report, Verdict};
 use upm_runner::config::{Diagnostic, DiagnosticClass, JobSpec};
 use upm_runner::run::{PacingStats, RunError, RunOptions, job_library, run as run_job};
+use upm_viewer::USUAL_MODE;
 
 /// Default folder for run folders.
 pub(super) const USUAL_OUT: &str = "runs";
 
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let Some(file) = &args.job else { return job_list::list() };
-    let rerun = args.rerun.clone().unwrap_or(if upm_viewer::BUILT_IN { RerunMode::Save } else { RerunMode::Off });
+    let rerun = args.rerun.clone().unwrap_or(USUAL_MODE);
     let job = load_job(file, args)?;
     let library = job_library(&job).map_err(Failure::faults)?;
     let clock = MonotonicClock::new();

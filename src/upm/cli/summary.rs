@@ -1,5 +1,6 @@
 use super::output::Failure;
 use super::progress::behind;
+use upm_core::document::counted;
 use upm_core::job::CameraMode;
 use upm_recording::{CycleError, PacingReport, PathReport, PlannerReport, PredictionError, Report, Verdict};
 use upm_runner::config::JobSpec;
@@ -35,10 +36,8 @@ pub(super) fn rows(report: &Report, verbose: bool) -> Vec<(&'static str, String)
     if let Some(planner) = &report.planner {
         rows.push(("planner", planner_line(planner)));
     }
-    let PacingReport { deadline_misses, worst_late_frames, behind_s } = report.pacing;
-    if let (Some(misses), Some(worst), Some(behind_s)) = (deadline_misses, worst_late_frames, behind_s) {
-        let frames = if worst == 1 { "frame" } else { "frames" };
-        let missed = format!("{misses} missed, by up to {worst} {frames}{}", behind(behind_s));
+    if let Some(PacingReport { deadline_misses: misses, worst_late_frames: worst, behind_s }) = report.pacing {
+        let missed = format!("{misses} missed, by up to {}{}", counted(worst as usize, "frame"), behind(behind_s));
         rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed }));
     }
     if report.laps > 0 {

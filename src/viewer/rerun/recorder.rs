@@ -84,8 +84,8 @@ impl Recorder {
                 recorded = recorded.and_then(|()| send(&self.stream));
             }
         }
-        if let Some(end) = file.handle().ended_early() {
-            recorded = recorded.and_then(|()| self.log_view.warn(&self.stream, end.text));
+        if let Some(text) = file.handle().ended_early() {
+            recorded = recorded.and_then(|()| self.log_view.warn(&self.stream, text));
         }
         let flushed = self.stream.flush();
         recorded.and(flushed)

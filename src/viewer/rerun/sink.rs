@@ -2,9 +2,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::destination::{self, parse_address, thread_fault};
 use super::file::RrdFile;
-use super::live::{Live, MessageSink};
+use super::live::{self, Live, MessageSink, parse_address, thread_fault};
 use super::observation::Observation;
 use super::recorder::{Message, Recorder};
 use super::run_stream::LogResult;
@@ -64,7 +63,7 @@ impl RerunSink {
         if *mode == RerunMode::Off {
             return Ok(Self(None));
         }
-        let (file, viewer) = destination::open(mode, path)?;
+        let (file, viewer) = live::open(mode, path)?;
         Self::into_file(Box::new(file), path, viewer, context, recording_options)
     }
 
@@ -80,8 +79,7 @@ impl RerunSink {
         let run_waits = overflow != OverflowPolicy::GiveUp;
         let (path, handle) = (path.to_owned(), recording_options.recording.clone());
         let (live, feed) = viewer.unzip();
-        let file = RrdFile::new(out, feed, handle.clone())
-            .map_err(|reason| RecordingError::Write { path: path.clone(), reason })?;
+        let file = RrdFile::new(out, feed, handle.clone()).map_err(|reason| not_whole(&path, &reason))?;
         let (queue, messages) = Queue::bounded(if run_waits { QUEUE_OF_WAITING } else { QUEUE }, overflow);
         let truth = context.truth.clone();
         let record = move || {
@@ -137,7 +135,7 @@ impl Running {
             RecordingState::Failed(reason) => closed.and(Err(reason)),
             _ => closed,
         };
-        closed.map(|()| viewer_has_all).map_err(|reason| RecordingError::Write { path: self.path, reason })
+        closed.map(|()| viewer_has_all).map_err(|reason| not_whole(&self.path, &reason))
     }
 
     /// Sends a message; waits when the recorder lags, or abandons it. The fault of a dead recorder is reported by
@@ -188,7 +186,7 @@ impl Sink for RerunSink {
 
     fn event(&mut self, event: &EventFacts) {
         // the recorder itself logs the end of the recording
-        if !matches!(event.kind, EventKind::RecordingEnded(_)) {
+        if !matches!(event.kind, EventKind::RecordingEnded) {
             self.send(|| Message::Event(event.clone()));
         }
     }
@@ -202,4 +200,9 @@ fn close(file: &RrdFile, recorded: LogResult) -> LogResult {
     let closed = file.close();
     file.disconnect();
     closed.and(recorded)
+}
+
+/// The fault of data that could not be encoded or written; the file ends before them.
+fn not_whole(path: &Path, reason: &str) -> RecordingError {
+    RecordingError(format!("recording {} is not whole: {reason}", path.display()))
 }

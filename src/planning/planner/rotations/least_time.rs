@@ -14,7 +14,7 @@
 use std::collections::BTreeSet;
 
 use super::displacement_matrix::DisplacementMatrix;
-use upm_qp::{ColumnWriter, Cone, Minimiser, Program};
+use crate::qp::{ColumnWriter, Cone, Minimiser, Program};
 
 /// Columns of the first program and of each addition, per coordinate.
 const FIRST: usize = 6;

@@ -13,8 +13,8 @@ use super::motion_set::{LibraryMotion, MotionSet, Pulse};
 use super::rollout::{SequenceRollout, Slopes};
 use super::subgoals::{Clearance, Shortfall};
 use crate::planner::PartState;
+use crate::qp::{ColumnWriter, Cone, Program};
 use upm_core::geometry::Vec2;
-use upm_qp::{ColumnWriter, Cone, Program};
 
 /// Weight of a metre by which a limit is broken against a metre of error, and the excess below which it is tolerated,
 /// m.

@@ -11,11 +11,11 @@ use crate::run::in_memory::InMemoryRun;
 use crate::run::planner_selection::PlannerSelection;
 use upm_control::{EventFacts, EventKind, FindingChange, FrameFacts, Sink};
 use upm_core::geometry::Vec2;
-use upm_core::job::{Finding, Outcome};
+use upm_core::job::Finding;
 use upm_core::time::PlateTime;
 use upm_planning::cor_library::Library;
 use upm_planning::task::Setpoints;
-use upm_recording::{Report, Verdict};
+use upm_recording::Report;
 
 /// Distance between two points of a recorded path, m.
 const PATH_STEP_M: f64 = 0.3e-3;
@@ -32,13 +32,6 @@ pub struct DryRun {
     pub report: Report,
     /// Its further figures.
     pub record: DryRunRecord,
-}
-
-impl DryRun {
-    /// True if it reached the goal, in truth, too.
-    pub fn is_completed(&self) -> bool {
-        self.report.outcome == Outcome::Completed && self.report.verdict != Some(Verdict::FalseSuccess)
-    }
 }
 
 /// Figures of a dry run that its report does not have.

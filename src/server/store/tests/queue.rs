@@ -31,7 +31,7 @@ fn answered_job_is_the_stored_one() {
     assert_eq!(job(&store, row.id), ended, "it ends once");
     assert!(store.close(TIMEOUT));
     assert_eq!(store.job(&row.id), Err(StoreFault::Closed));
-    assert_eq!(job(&open(folder.path(), limits()).store, row.id), ended);
+    assert_eq!(job(&open(folder.path(), limits()).0, row.id), ended);
     assert!(store.finish(&no_job(), &end(JobState::Failed)).is_err());
 }
 
@@ -83,7 +83,7 @@ fn job_moved_to_the_front_runs_first_also_after_a_restart() {
     assert_eq!([third, elsewhere].map(|id| to_front(&store, id)), [Some(-2), Some(0)], "they are first already");
     assert_eq!(to_front(&store, no_job()), None);
     drop(store);
-    let store = open(folder.path(), limits()).store;
+    let store = open(folder.path(), limits()).0;
     let next = claim(&store, "a").unwrap().row;
     assert_eq!((next.id, next.turn), (third, -2));
     assert_eq!(to_front(&store, third), Some(-2), "a running job stays as it is");
@@ -128,7 +128,7 @@ fn repeated_key_gives_the_same_job_also_after_its_deletion() {
     assert_eq!(accept(&store, &other), SubmitOutcome::KeyReused);
     assert_eq!(store.repeated("k", &[7; 32]), Ok(Some(SubmitOutcome::Replayed(row.clone()))));
     assert_eq!(store.repeated("new", &[7; 32]), Ok(None));
-    let (_copy, OpenOutcome { store: again, .. }) = killed(folder.path());
+    let (_copy, (again, _)) = killed(folder.path());
     assert_eq!(accept(&again, &keyed), SubmitOutcome::Replayed(row.clone()), "over a kill, too");
     let entry = AuditEntry { act: AuditEntry::DELETE.into(), ..AuditEntry::default() };
     assert_eq!(store.delete(&row.id, entry), Ok(Some(true)));

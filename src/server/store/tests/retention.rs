@@ -42,7 +42,7 @@ fn oldest_run_folders_are_deleted_while_all_are_too_large() {
     run(&store, "small", 1);
     assert_eq!(run_folders(&store), ["running", "second", "small", "third"], "what runs stays, and does not count");
     drop(store);
-    let store = open(folder.path(), StoreLimits { runs_bytes: 500, ..limits() }).store;
+    let store = open(folder.path(), StoreLimits { runs_bytes: 500, ..limits() }).0;
     assert_eq!(run_folders(&store), ["small"], "the sizes are known after a restart");
     assert_eq!(job(&store, running).state, JobState::Interrupted);
 }

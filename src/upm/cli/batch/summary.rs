@@ -5,6 +5,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use crate::cli::summary::median;
+use upm_core::document::counted;
 use upm_core::job::{CameraMode, Outcome, StopCause};
 use upm_recording::{Report, Verdict};
 
@@ -179,7 +180,7 @@ fn headline(summary: &BatchSummary) -> String {
     ];
     let others = others.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!(", {count} {what}"));
     let camera = if *camera == CameraMode::Positions { ", positions in place of pictures" } else { "" };
-    let seeds = if *seeds == 1 { "1 seed".to_owned() } else { format!("{seeds} seeds") };
+    let seeds = counted(*seeds, "seed");
     format!("{name} on {rig}, {seeds}{camera}: {completed} completed{}", others.collect::<String>())
 }
 

@@ -1,7 +1,6 @@
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::thread;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use parking_lot::Mutex;
 
@@ -10,6 +9,7 @@ use crate::cli::output::NOT_REACHED;
 use crate::cli::progress::LateProgress;
 use crate::cli::run::{run_failure, status_of};
 use upm_control::{CycleFacts, EventFacts, EventLevel, FrameFacts, Sink};
+use upm_core::background::on_all_cores;
 use upm_core::time::MonotonicClock;
 use upm_planning::cor_library::Library;
 use upm_recording::{RecordingOptions, RerunMode};
@@ -56,24 +56,16 @@ impl BatchProgress {
 impl SeedBatch<'_> {
     /// Runs the seeds in turn on all cores. Returns the runs that were started, in the order of the seeds.
     pub fn run(&self) -> Vec<SeedRun> {
-        let threads = thread::available_parallelism().map_or(1, |cores| cores.get()).min(self.seeds.len());
-        let (next, ended) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-        let take_turns = || {
-            while !self.interrupted.load(Ordering::Relaxed) {
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                let Some(&seed) = self.seeds.get(index) else { break };
-                let run = self.run_one(index, seed);
-                ended.lock().push((index, run));
-                let mut progress = self.progress.lock();
-                progress.ended += 1;
-                progress.show(index, 1.0);
-            }
-        };
-        thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(take_turns))));
+        let seeds: Vec<(usize, u64)> = self.seeds.iter().copied().enumerate().collect();
+        let runs = on_all_cores(&seeds, &|_| (), |&(index, seed)| {
+            let run = (!self.interrupted.load(Ordering::Relaxed)).then(|| self.run_one(index, seed))?;
+            let mut progress = self.progress.lock();
+            progress.ended += 1;
+            progress.show(index, 1.0);
+            Some(run)
+        });
         self.progress.lock().shown.finish();
-        let mut runs = ended.into_inner();
-        runs.sort_by_key(|(index, _)| *index);
-        runs.into_iter().map(|(_, run)| run).collect()
+        runs.into_iter().flatten().collect()
     }
 
     /// Runs one seed as `upm run --seed SEED` does.

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::units::mm_from_m;
+use upm_recording::rounded;
 use upm_runner::run::{Coverage, PlaceReach};
 
 /// Text output; the picture has the places one by one.
@@ -15,13 +16,14 @@ pub(super) fn lines(coverage: &Coverage) -> Vec<String> {
 /// JSON output; lengths in millimetres.
 pub(super) fn json(coverage: &Coverage) -> Value {
     let weakest = coverage.weakest().map(place_json);
-    let gap = coverage
-        .gap
-        .map(|gap| json!({ "position_mm": position(gap.position_m), "distance_mm": rounded(mm(gap.distance_m)) }));
-    let row =
-        |places: &[PlaceReach]| -> Vec<f64> { places.iter().map(|p| rounded(mm(p.reach.longest_step_m))).collect() };
+    let gap = coverage.gap.map(
+        |gap| json!({ "position_mm": position(gap.position_m), "distance_mm": rounded(mm_from_m(gap.distance_m)) }),
+    );
+    let row = |places: &[PlaceReach]| -> Vec<f64> {
+        places.iter().map(|p| rounded(mm_from_m(p.reach.longest_step_m))).collect()
+    };
     json!({
-        "side_mm": rounded(mm(2.0 * coverage.half_side_m)),
+        "side_mm": rounded(mm_from_m(2.0 * coverage.half_side_m)),
         "centres": {
             "inside": coverage.inside,
             "outside": coverage.outside,
@@ -29,7 +31,7 @@ pub(super) fn json(coverage: &Coverage) -> Value {
         },
         "largest_gap": gap,
         "weakest": weakest,
-        "best_step_mm": rounded(mm(coverage.best_step_m)),
+        "best_step_mm": rounded(mm_from_m(coverage.best_step_m)),
         "out_of_reach_share": rounded(coverage.unreached_share()),
         "out_of_reach_below_share": PlaceReach::LEAST_SHARE,
         "never_strongest": coverage.never_strongest,
@@ -40,11 +42,12 @@ pub(super) fn json(coverage: &Coverage) -> Value {
 fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
     let Coverage { inside, outside, translations, .. } = coverage;
     let mut figures = vec![
-        ("plate", format!("{:.1} mm", mm(2.0 * coverage.half_side_m))),
+        ("plate", format!("{:.1} mm", mm_from_m(2.0 * coverage.half_side_m))),
         ("centres", format!("{inside} inside, {outside} outside, {translations} translations")),
     ];
     if let Some(gap) = coverage.gap {
-        let text = format!("{:.1} mm to the nearest centre, from {} mm", mm(gap.distance_m), shown(gap.position_m));
+        let text =
+            format!("{:.1} mm to the nearest centre, from {} mm", mm_from_m(gap.distance_m), shown(gap.position_m));
         figures.push(("largest gap", text));
     }
     if let Some(place) = coverage.weakest() {
@@ -56,7 +59,7 @@ fn figures(coverage: &Coverage) -> Vec<(&'static str, String)> {
     }
     figures.push(("longest step", format!("{} in the weakest direction (--picture draws it)", scale(coverage))));
     let unreached = 100.0 * coverage.unreached_share();
-    let least = mm(PlaceReach::LEAST_SHARE * coverage.best_step_m);
+    let least = mm_from_m(PlaceReach::LEAST_SHARE * coverage.best_step_m);
     figures.push((
         "out of reach",
         format!("{unreached:.1} % of places (a direction with less than {least:.2} mm a pulse)"),
@@ -72,41 +75,32 @@ pub(super) fn place_json(place: &PlaceReach) -> Value {
         "position_mm": position(place.position_m),
         "direction_deg": degrees(place.reach.weakest_direction),
         "share": rounded(place.reach.weakest_projection),
-        "longest_step_mm": rounded(mm(place.reach.longest_step_m)),
-        "longest_step_sd_mm": rounded(mm(place.reach.longest_sd_m)),
-        "shortest_step_mm": place.reach.shortest_step_m.map(|step_m| rounded(mm(step_m))),
+        "longest_step_mm": rounded(mm_from_m(place.reach.longest_step_m)),
+        "longest_step_sd_mm": rounded(mm_from_m(place.reach.longest_sd_m)),
+        "shortest_step_mm": place.reach.shortest_step_m.map(|step_m| rounded(mm_from_m(step_m))),
     })
 }
 
 /// Effect of one pulse at a place in the weakest direction, as text.
 pub(super) fn steps(place: &PlaceReach) -> String {
-    let (longest, sd) = (mm(place.reach.longest_step_m), mm(place.reach.longest_sd_m));
+    let (longest, sd) = (mm_from_m(place.reach.longest_step_m), mm_from_m(place.reach.longest_sd_m));
     match place.reach.shortest_step_m {
-        Some(shortest_m) => format!("{:.2} to {longest:.2} mm, the longest ± {sd:.2} mm", mm(shortest_m)),
+        Some(shortest_m) => format!("{:.2} to {longest:.2} mm, the longest ± {sd:.2} mm", mm_from_m(shortest_m)),
         None => format!("{longest:.2} ± {sd:.2} mm at most"),
     }
 }
 
 /// Range of the longest steps in the weakest direction: `26.15 to 26.88 mm`.
 fn scale(coverage: &Coverage) -> String {
-    match coverage.steps_m().map(|steps_m| steps_m.map(|step_m| format!("{:.2}", mm(step_m)))) {
+    match coverage.steps_m().map(|steps_m| steps_m.map(|step_m| format!("{:.2}", mm_from_m(step_m)))) {
         Some([_, most]) if coverage.is_even() => format!("{most} mm everywhere"),
         Some([least, most]) => format!("{least} to {most} mm"),
         None => "none".into(),
     }
 }
 
-pub(super) fn mm(length_m: f64) -> f64 {
-    mm_from_m(length_m)
-}
-
-/// `value` rounded to 1e-4, finer than the measurement.
-pub(super) fn rounded(value: f64) -> f64 {
-    (value * 1e4).round() / 1e4
-}
-
 fn position(position_m: Vec2) -> [f64; 2] {
-    [position_m.x, position_m.y].map(|along_m| rounded(mm(along_m)))
+    [position_m.x, position_m.y].map(|along_m| rounded(mm_from_m(along_m)))
 }
 
 pub(super) fn shown(position_m: Vec2) -> String {

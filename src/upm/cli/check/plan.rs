@@ -6,11 +6,12 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
-use super::coverage::{degrees, mm, place_json, rounded, shown, steps};
+use super::coverage::{degrees, place_json, shown, steps};
 use crate::cli::progress::LateProgress;
 use crate::cli::summary::{median, planner_line};
+use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
-use upm_recording::Report;
+use upm_recording::{Report, rounded};
 use upm_runner::config::{Diagnostic, JobSpec};
 use upm_runner::run::{ClosestApproach, DryRun, Forecast, PartForecast, PlaceReach, PlannerSelection, dry_run};
 
@@ -68,7 +69,7 @@ impl<'a> PlanReport<'a> {
             json!({ "least": rounded(least), "median": rounded(median), "most": rounded(most) })
         });
         let smallest_gap = nearest(&forecast.dry_runs).map(|ClosestApproach { gap_m, parts, at_s }| {
-            json!({ "gap_mm": rounded(mm(gap_m)), "parts": parts.map(id), "at_s": rounded(at_s) })
+            json!({ "gap_mm": rounded(mm_from_m(gap_m)), "parts": parts.map(id), "at_s": rounded(at_s) })
         });
         let ending = |(reason, times): &(&str, usize)| json!({ "reason": reason, "times": times });
         let met = |(limit, cycles): &(&str, u64)| json!({ "limit": limit, "cycles": cycles });
@@ -76,7 +77,7 @@ impl<'a> PlanReport<'a> {
             let Report { seed, reason, plate_time_s, cycles, pulses, prediction_error_mm, .. } = &dry_run.report;
             json!({
                 "seed": seed,
-                "completed": dry_run.is_completed(),
+                "completed": dry_run.report.reached_goal(),
                 "reason": reason,
                 "plate_time_s": rounded(*plate_time_s),
                 "cycles": cycles,
@@ -98,7 +99,7 @@ impl<'a> PlanReport<'a> {
             "can_be_done": self.verdict() == PlanVerdict::CanBeDone,
             "endings": endings(&forecast.dry_runs).iter().map(ending).collect::<Vec<_>>(),
             "predicted_plate_time_s": plate_time,
-            "speed_mm_s": forecast.speed_mps.map(|[asked, held]| json!({ "asked": rounded(mm(asked)), "can_be_held": rounded(mm(held)) })),
+            "speed_mm_s": forecast.speed_mps.map(|[asked, held]| json!({ "asked": rounded(mm_from_m(asked)), "can_be_held": rounded(mm_from_m(held)) })),
             "smallest_gap": smallest_gap,
             "limits_met": limits_met(&forecast.dry_runs).iter().map(met).collect::<Vec<_>>(),
             "independence": {
@@ -146,12 +147,13 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
     }
     if let Some([asked_mps, held_mps]) = forecast.speed_mps {
         let late = if asked_mps > held_mps { ", laps will be late" } else { "" };
-        let text = format!("up to {:.1} mm/s can be held, {:.1} asked{late}", mm(held_mps), mm(asked_mps));
+        let text =
+            format!("up to {:.1} mm/s can be held, {:.1} asked{late}", mm_from_m(held_mps), mm_from_m(asked_mps));
         figures.push(("speed", text));
     }
     let id = |part: usize| forecast.parts.get(part).map_or("?", |part| part.id.as_str());
     if let Some(ClosestApproach { gap_m, parts: [a, b], at_s }) = nearest(&forecast.dry_runs) {
-        let gap = if gap_m < 0.0 { "none, they touch".into() } else { format!("{:.1} mm", mm(gap_m)) };
+        let gap = if gap_m < 0.0 { "none, they touch".into() } else { format!("{:.1} mm", mm_from_m(gap_m)) };
         figures.push(("smallest gap", format!("{} and {} at {at_s:.1} s: {gap}", id(a), id(b))));
     }
     for (limit, cycles) in limits_met(&forecast.dry_runs) {
@@ -209,13 +211,13 @@ fn verdict(dry_runs: &[DryRun]) -> PlanVerdict {
 
 /// Those that reach the goal.
 fn completed(dry_runs: &[DryRun]) -> impl Iterator<Item = &DryRun> {
-    dry_runs.iter().filter(|dry_run| dry_run.is_completed())
+    dry_runs.iter().filter(|dry_run| dry_run.report.reached_goal())
 }
 
 /// Reasons of the dry runs' endings, failures first, with the number of each.
 fn endings(dry_runs: &[DryRun]) -> Vec<(&str, usize)> {
     let mut endings: Vec<(&str, usize)> = Vec::new();
-    let failed = dry_runs.iter().filter(|dry_run| !dry_run.is_completed());
+    let failed = dry_runs.iter().filter(|dry_run| !dry_run.report.reached_goal());
     for DryRun { report, .. } in failed.chain(completed(dry_runs)) {
         match endings.iter_mut().find(|(reason, _)| *reason == report.reason) {
             Some((_, times)) => *times += 1,

@@ -1,6 +1,6 @@
 use super::client::Client;
 use crate::cli::output::Failure;
-use crate::cli::prefix::{LAST, by_prefix};
+use crate::cli::run_folder::{LAST, by_prefix};
 use upm_server::api::Job;
 
 /// Number of hex digits in an id.

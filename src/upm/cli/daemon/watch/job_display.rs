@@ -5,6 +5,7 @@ use crate::cli::args::Common;
 use crate::cli::daemon::client::on_one_line;
 use crate::cli::daemon::jobs::{headline, print_job};
 use crate::cli::output::Failure;
+use upm_core::document::counted;
 use upm_server::api::Job;
 
 /// Shows an event: as a JSON object, as a line, or not at all with `--quiet`.
@@ -44,9 +45,9 @@ pub(super) fn line_of(event: &ReceivedEvent) -> Option<String> {
     let line = match data["type"].as_str()? {
         "cycle" => {
             let (at_s, percent) = (data["ended_at_s"].as_f64()?, 100.0 * data["wanted"]["progress"].as_f64()?);
-            let (pulses, phase) = (data["plan"]["pulses"].as_array()?.len(), data["wanted"]["phase"].as_str()?);
-            let noun = if pulses == 1 { "pulse" } else { "pulses" };
-            format!("plate {at_s:6.1} s  {percent:3.0} %  cycle {}, {pulses} {noun}  {phase}", data["cycle"])
+            let (pulses, phase) =
+                (counted(data["plan"]["pulses"].as_array()?.len(), "pulse"), data["wanted"]["phase"].as_str()?);
+            format!("plate {at_s:6.1} s  {percent:3.0} %  cycle {}, {pulses}  {phase}", data["cycle"])
         }
         "event" if data["level"] != "info" => {
             let (at_s, level, text) = (data["at_s"].as_f64()?, data["level"].as_str()?, data["text"].as_str()?);

@@ -1,4 +1,4 @@
-//! Convex quadratic programs, and the only crate that uses clarabel.
+//! Convex quadratic programs, and the only module that uses clarabel.
 //!
 //! ```text
 //!   minimise    ½ xᵀ P x + qᵀ x
@@ -6,8 +6,7 @@
 //!   subject to  A x + s = b,   s in a product of cones: s_i = 0, s_i >= 0, or s_1 >= |(s_2, …)|
 //! ```
 //!
-//! The solver is compiled here once, not in the crates that state programs. Equal programs give bit-identical answers:
-//! one thread, the built-in LDL factorisation, no time limit, no presolve.
+//! Equal programs give bit-identical answers: one thread, the built-in LDL factorisation, no time limit, no presolve.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
