@@ -75,16 +75,16 @@ pub struct Report {
     /// Durations, µs of wall time.
     pub timing_us: TimingsReport,
     /// Guards that fired, in the order in which they did.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub guards: Vec<GuardReport>,
     /// Faults of the simulated rig that began within the run.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultEntry>,
     /// Why its recording does not hold the whole run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recording: Option<String>,
     /// Problems beside the run itself: a recording that does not hold all of it.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
 }
 

@@ -110,7 +110,8 @@ pub struct AccelTrace {
     /// Largest count the converter shows; a sample there is clipped.
     #[schemars(range(min = 1, max = 32767))]
     pub count_limit: i16,
-    /// Counts, equally many in every channel; [`MISSING_SAMPLE`] for lost ones.
+    /// The samples, equally many in every channel.
+    // `MISSING_SAMPLE` for lost ones
     #[serde(with = "channels")]
     #[schemars(with = "ChannelCounts")]
     pub counts: [Vec<i16>; CHANNELS],

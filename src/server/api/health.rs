@@ -74,13 +74,15 @@ mod tests {
     impl Observed {
         /// Two healthy plates: one runs a job, one is idle.
         pub(in crate::api) fn healthy() -> Self {
-            let plate = |name: &str, state: PlateState| -> Plate {
-                let json = serde_json::json!({
-                    "name": name, "state": state, "why": "", "queued": 2, "at_s": 0.0, "side_mm": 200.0,
-                    "positions_mm": [], "radii_mm": [], "targets_mm": [], "progress": 0.0, "phase": "",
-                    "deadline_misses": 3, "behind_s": 1.5,
-                });
-                Plate { estops: 1, ..serde_json::from_value(json).unwrap() }
+            let plate = |name: &str, state: PlateState| Plate {
+                name: name.to_owned(),
+                state,
+                queued: 2,
+                side_mm: 200.0,
+                deadline_misses: 3,
+                behind_s: 1.5,
+                estops: 1,
+                ..Plate::default()
             };
             let left = Plate {
                 age_s: Some(0.015),
