@@ -14,6 +14,7 @@
 
 mod bins;
 mod clearance;
+mod coins;
 mod corridor;
 mod daemon;
 mod daemon_file;
@@ -43,6 +44,7 @@ mod trace;
 mod view;
 
 pub use clearance::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
+pub use coins::coin_set;
 pub(crate) use corridor::{FIELD_SCATTER_M, accuracy_m};
 pub use daemon::{DaemonSpec, PlateSpec, StandingSpec};
 pub use daemon_file::{KeepSpec, WatchdogSpec};

@@ -1,6 +1,6 @@
 //! Twelve pictures of mixed coins, with the options that a user would type for each.
 
-use super::coin_pictures::{Coin, CoinPicture, Metal, Rng};
+use super::coin_pictures::{Coin, CoinPicture, Metal, Rng, Surface};
 
 /// A picture, and the options with which it is searched.
 pub(super) struct CoinScene {
@@ -94,12 +94,26 @@ pub(super) fn scenes(seed: u64) -> Vec<CoinScene> {
     scenes
 }
 
+/// Ten pictures of coins of a country on cloth, wood and paper, from about straight above; the first coin gives the
+/// scale.
+pub(super) fn everywhere(seed: u64) -> Vec<CoinPicture> {
+    let coins = [PENNY, NICKEL, DIME, QUARTER, QUARTER, BROWN_PENNY];
+    let mut rng = Rng(seed);
+    let picture = |i: usize| {
+        let surface = [Surface::Cloth, Surface::Wood, Surface::Paper][i % 3];
+        let coins = scattered(&mut rng, 160.0, &coins, 2, 3.0);
+        CoinPicture { surface, side_share: 0.95, size_px: [1200, 1200], ..daylight(&mut rng, 180.0, coins) }
+    };
+    (0..10).map(picture).collect()
+}
+
 /// A sharp picture in colour from above, with a shadow to one side.
 fn daylight(rng: &mut Rng, side_mm: f64, coins: Vec<Coin>) -> CoinPicture {
     CoinPicture {
         seed: rng.within(0.0, 1e9) as u64,
         size_px: [1200, 1000],
         side_mm,
+        surface: Surface::Plate,
         focal_widths: 3.0,
         side_share: 0.85,
         tilt_deg: [0.5, -0.5, rng.within(-8.0, 8.0)],
