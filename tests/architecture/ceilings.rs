@@ -12,7 +12,7 @@ const CEILINGS: [(&str, usize); 15] = [
     ("core", 2390),
     ("fixtures", 370),
     ("lab", 6360),
-    ("perception", 5080),
+    ("perception", 4910),
     ("planning", 6590),
     ("qp", 90),
     ("recording", 1360),
@@ -20,7 +20,7 @@ const CEILINGS: [(&str, usize); 15] = [
     ("scene", 890),
     ("server", 4630),
     ("sim", 3410),
-    ("upm", 4950),
+    ("upm", 4720),
     ("viewer", 1480),
 ];
 

@@ -54,7 +54,7 @@ impl Coin {
     }
 }
 
-/// What the coins lie on.
+/// Ground that the coins lie on.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Surface {
     /// A white plate on dark ground.

@@ -7,8 +7,6 @@ pub(super) struct CoinScene {
     pub name: &'static str,
     pub picture: CoinPicture,
     pub options: Vec<String>,
-    /// False if the picture does not reveal the size of the plate.
-    pub scale_is_known: bool,
 }
 
 pub(super) const PENNY: Coin = coin(Some("penny"), 19.05, 1.52, Metal::Copper);
@@ -55,7 +53,7 @@ pub(super) fn scenes(seed: u64) -> Vec<CoinScene> {
         let coins = scattered(&mut rng, side_mm, coins, count, 2.0);
         let mut picture = daylight(&mut rng, side_mm, coins);
         change(&mut picture);
-        scenes.push(CoinScene { name, picture, options: Vec::new(), scale_is_known: true });
+        scenes.push(CoinScene { name, picture, options: Vec::new() });
     };
     add("daylight", 203.2, &four, 3, &|_| {});
     add("gray and noisy", 203.2, &four, 3, &|p| {
@@ -85,10 +83,8 @@ pub(super) fn scenes(seed: u64) -> Vec<CoinScene> {
         (p.side_share, p.shadow, p.softness_mm) = (0.72, 0.5, 3.5);
     });
     for scene in &mut scenes {
-        match scene.name {
-            "foreign coins" => scene.options = ["--plate-side-mm", "203.2"].map(String::from).into(),
-            "quarters alone on 225 mm" => scene.scale_is_known = false,
-            _ => {}
+        if scene.name == "foreign coins" {
+            scene.options = ["--plate-side-mm", "203.2"].map(String::from).into();
         }
     }
     scenes

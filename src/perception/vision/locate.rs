@@ -5,7 +5,7 @@ use super::binned::BinnedImage;
 use super::edges::{EdgePoint, edges};
 use super::hough::{HoughAccumulator, HoughLine, IdealEdge};
 use super::lines::{SideMeasurement, through_edges};
-use super::quad::{DetectedLine, Quad, QuadShape, quads};
+use super::quad::{DetectedLine, Quad, QuadShape, name_of, quads};
 use super::sampling::Sampler;
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::signal::Frame;
@@ -242,7 +242,7 @@ fn choose(lines: &[DetectedLine], shape: QuadShape, seen: &LineEvidence) -> Resu
 
 /// Distinguishes a table that leaves the picture from other pictures without a table: two or more of the strongest
 /// lines then run into the picture's border.
-fn no_quad(lines: &[DetectedLine], seen: &LineEvidence, nearest: Option<TableFault>) -> TableFault {
+fn no_quad(lines: &[DetectedLine], seen: &LineEvidence, nearest: Option<String>) -> TableFault {
     // No edges are found in the two outermost cells.
     let margin = 0.012 * seen.frame.width.max(seen.frame.height) as f64 + 2.5 * seen.cell_px;
     let leaves = |line: &HoughLine| {
@@ -257,7 +257,7 @@ fn no_quad(lines: &[DetectedLine], seen: &LineEvidence, nearest: Option<TableFau
     } else if lines.len() < 4 {
         TableFault::TooFewLines { found: lines.len() }
     } else {
-        nearest.unwrap_or(TableFault::NotASquare)
+        nearest.map_or(TableFault::NotASquare, TableFault::AlmostASquare)
     }
 }
 
@@ -300,14 +300,4 @@ fn from_sides(
         *corner = sides[(i + 3) % 4].meets(&sides[i]).ok_or(TableFault::NotASquare)?;
     }
     Ok(met)
-}
-
-pub(super) fn name_of(from: Vec2, to: Vec2) -> &'static str {
-    let facing = HoughLine::through(from, to).normal;
-    match (facing.y.abs() >= facing.x.abs(), facing.x < 0.0, facing.y > 0.0) {
-        (true, _, false) => "top",
-        (true, _, true) => "bottom",
-        (false, false, _) => "right",
-        (false, true, _) => "left",
-    }
 }

@@ -1,8 +1,6 @@
 //! Selection of the four lines that are the table's sides.
 
-use super::TableFault;
 use super::hough::{HoughLine, IdealEdge};
-use super::locate::name_of;
 use upm_core::geometry::Vec2;
 
 /// Shape of the four lines searched for.
@@ -98,7 +96,7 @@ pub(super) fn quads(
     shape: QuadShape,
     least_side_px: f64,
     shown: impl Fn(Vec2, Vec2) -> f64,
-) -> (Vec<Quad>, Option<TableFault>) {
+) -> (Vec<Quad>, Option<String>) {
     let pairs = parallel_pairs(lines, shape, least_side_px);
     let (mut found, mut nearest): (Vec<Quad>, Option<Rejected>) = (Vec::new(), None);
     for (i, &first) in pairs.iter().enumerate() {
@@ -115,7 +113,7 @@ pub(super) fn quads(
 }
 
 /// Length seen of a quadrangle that is no table, px, and the reason.
-type Rejected = (f64, TableFault);
+type Rejected = (f64, String);
 
 impl Quad {
     /// Middle of the four corners.
@@ -194,7 +192,7 @@ fn quad(
             if seen < SIDE_SEEN * visible[i] {
                 let [percent, least] = [seen / visible[i], SIDE_SEEN].map(|share| 100.0 * share);
                 let fault = || format!("{} shows over {percent:.0} % of its length (least {least:.0} %)", name(i));
-                hidden = hidden.or_else(|| Some(TableFault::AlmostASquare(fault())));
+                hidden = hidden.or_else(|| Some(fault()));
             }
             seen_px += seen;
             let end = END.max(END_CELLS * side.cell_px / sides[i]).min(0.5);
@@ -205,10 +203,10 @@ fn quad(
         let ratio = lengths[longest] / lengths[shortest];
         let unequal = (ratio > shape.side_ratio).then(|| {
             let ([longer, shorter], most) = ([longest, shortest].map(name), shape.side_ratio);
-            TableFault::AlmostASquare(format!("{longer} and {shorter} are {ratio:.2} to 1 (most {most})"))
+            format!("{longer} and {shorter} are {ratio:.2} to 1 (most {most})")
         });
         let visible_px = visible.iter().sum::<f64>();
-        let few = || (seen_px <= ALL_SEEN * visible_px).then_some(TableFault::NotASquare);
+        let few = || (seen_px <= ALL_SEEN * visible_px).then(|| "too little shows".to_owned());
         match hidden.or(unequal).or_else(few) {
             Some(fault) => Err((seen_px, fault)),
             None => {
@@ -219,6 +217,17 @@ fn quad(
     };
     let of_both = |bright: Rejected| seen_as(false).map_err(|dark| if dark.0 > bright.0 { dark } else { bright });
     Some(seen_as(true).or_else(of_both))
+}
+
+/// Name of the side from one corner to the next, clockwise.
+pub(super) fn name_of(from: Vec2, to: Vec2) -> &'static str {
+    let facing = HoughLine::through(from, to).normal;
+    match (facing.y.abs() >= facing.x.abs(), facing.x < 0.0, facing.y > 0.0) {
+        (true, _, false) => "top",
+        (true, _, true) => "bottom",
+        (false, false, _) => "right",
+        (false, true, _) => "left",
+    }
 }
 
 fn is_convex(corners: &[Vec2; 4]) -> bool {

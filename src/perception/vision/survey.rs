@@ -44,10 +44,6 @@ pub fn survey(frame: &Frame, table: &Table) -> Vec<DetectedDisc> {
     let plate = PlateCells::new(table, [frame.width, frame.height], bin, 0.0);
     let picture = BinnedImage::part_of(frame, bin, plate.corner, plate.size);
     let gauge = OutlineGauge::new(&sampler, table);
-    let in_cells = |disc: &DetectedDisc| {
-        let cell = (disc.center_px - picture.frame_from_cell(Vec2::zeros())) / bin as f64;
-        (cell, disc.radius_px / bin as f64)
-    };
     let mut votes = Votes::of(&picture, table);
     let mut found: Vec<DetectedDisc> = Vec::new();
     let mut tried = 0;
@@ -57,13 +53,11 @@ pub fn survey(frame: &Frame, table: &Table) -> Vec<DetectedDisc> {
             tried += 1;
             let disc = gauge.measure(at_m, radius_cells * bin as f64 / table.px_per_m_at(at_m), SEED_WINDOW);
             let Some(disc) = disc.filter(|disc| disc.outline_share >= LEAST_SHARE) else { continue };
-            let is_sure = disc.outline_share >= SURE_SHARE;
-            if is_sure {
-                let (cell, radius_cells) = in_cells(&disc);
-                votes.remove_votes(cell, radius_cells);
-            }
+            let middle = (disc.center_px - picture.frame_from_cell(Vec2::zeros())) / bin as f64;
+            let (own_cells, is_sure) = (disc.radius_px / bin as f64, disc.outline_share >= SURE_SHARE);
             found.push(disc);
             if is_sure {
+                votes.remove_votes(middle, own_cells);
                 break;
             }
         }

@@ -132,9 +132,9 @@ fn camera_in_table(ideal_from_table: &Homography, lens: &Lens, most_off: [f64; 2
 }
 
 /// Focal length, px, of the camera that sees a rectangle, `aspect` times as high as wide, with its corners there, and
-/// the share of it that the picture determines, 0 to 1. Zhang's two conditions, `r1·r2 = 0` and `|r1| = |r2|`, are linear
-/// in one over its square; without a tilt they say nothing, and for corners known to `sd_px` the solution is pulled to
-/// `expected_px` as far as they leave it open.
+/// the share of it that the picture determines, 0 to 1. Zhang's two conditions, `r1·r2 = 0` and `|r1| = |r2|`, are
+/// linear in one over its square; without a tilt they say nothing, and for corners known to `sd_px` the solution is
+/// pulled to `expected_px` as far as they leave it open.
 pub fn focal_from_corners(
     corners: [Vec2; 4],
     aspect: f64,

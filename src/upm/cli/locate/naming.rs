@@ -1,7 +1,6 @@
 //! Kind and score of each disc found: a part of a kind looked for, or another disc with the reason.
 
-use super::scale::foot_m;
-use super::search::PictureScale;
+use super::scale::{PictureScale, foot_m};
 use super::setup::LocateSetup;
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;

@@ -100,13 +100,11 @@ fn no_picture(error: impl Display) -> String {
     format!("no picture that can be read ({error})")
 }
 
-/// What the bytes are in place of a picture that can be read.
+/// Description of bytes that are no picture that can be read.
 fn unreadable(bytes: &[u8]) -> String {
-    let is_heic = bytes.get(4..8) == Some(b"ftyp".as_slice());
     match image::guess_format(bytes) {
         _ if bytes.is_empty() => "an empty file".to_owned(),
-        Ok(ImageFormat::Avif) => "an AVIF or HEIC picture".to_owned(),
-        _ if is_heic => "a HEIC picture or a film".to_owned(),
+        _ if bytes.get(4..8) == Some(b"ftyp".as_slice()) => "an AVIF or HEIC picture".to_owned(),
         Ok(format) => format!("a {format:?} picture"),
         Err(_) => "none of these".to_owned(),
     }

@@ -2,29 +2,19 @@
 
 use std::path::Path;
 
-use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::naming::{NamedPart, OtherDisc};
-use super::scale::ScaleSource;
-use super::search::{LocatedPicture, PictureScale};
+use super::scale::{PictureScale, ScaleSource};
+use super::search::LocatedPicture;
 use super::setup::{LocateSetup, Plane};
 use crate::cli::output::Failure;
+use upm_core::document::counted;
 use upm_core::rig::PartKind;
 use upm_core::units::mm_from_m;
 
 /// Relative difference in diameter below which discs are grouped.
 const ONE_SIZE: f64 = 0.03;
-
-/// Wall times of one picture, µs.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct TimeUs {
-    /// Time to read and decode the file.
-    pub decode: f64,
-    pub table: f64,
-    /// Time to find discs, measure, scale and name them.
-    pub parts: f64,
-}
 
 pub(super) fn as_json(located: &LocatedPicture, setting: &LocateSetup) -> Value {
     let LocatedPicture { table, scale, time_us, .. } = located;
@@ -104,8 +94,7 @@ pub(super) fn print_located(located: &LocatedPicture, setting: &LocateSetup) -> 
         outln!("  {name:12} ({:8.2}, {:8.2}) mm   radius {radius:.2} px   score {score:.3}{doubts}", at.x, at.y)?;
     }
     if parts.is_empty() {
-        let discs = if others.len() == 1 { "1 disc was".to_owned() } else { format!("{} discs were", others.len()) };
-        outln!("no parts: {discs} found")?;
+        outln!("no parts: {} found", counted(others.len(), "disc"))?;
     }
     about_others(others, setting).into_iter().try_for_each(|line| outln!("{line}"))?;
     let [decode, table, parts] = [time_us.decode, time_us.table, time_us.parts].map(|us| us / 1e3);
@@ -120,8 +109,7 @@ fn about_scale(scale: &PictureScale, [side_mm, height_mm]: [f64; 2]) -> Option<S
         ScaleSource::Parts | ScaleSource::TwoKinds => ", from the ratio of the parts' sizes",
         ScaleSource::Assumed => " assumed; --plate-side-mm, --scale or --scale-from gives it",
     };
-    let doubt = scale.doubt.as_ref().filter(|_| scale.source != ScaleSource::Assumed);
-    let doubt = doubt.map_or(String::new(), |doubt| format!("; {doubt}"));
+    let doubt = scale.doubt.as_ref().map_or(String::new(), |doubt| format!("; {doubt}"));
     Some(format!("plate: {side_mm:.1} x {height_mm:.1} mm{basis}{doubt}"))
 }
 
@@ -135,8 +123,7 @@ fn about_others(others: &[OtherDisc], setting: &LocateSetup) -> Vec<String> {
 
 fn about(group: &[&OtherDisc], setting: &LocateSetup) -> Option<String> {
     let middle = group.get(group.len() / 2)?;
-    let discs = if group.len() == 1 { "1 disc".to_owned() } else { format!("{} discs", group.len()) };
-    let size = format!("{discs} of {:.1} mm", 2.0 * mm_from_m(middle.disc.radius_m));
+    let size = format!("{} of {:.1} mm", counted(group.len(), "disc"), 2.0 * mm_from_m(middle.disc.radius_m));
     let name = |kind: usize| &setting.known[kind].name;
     Some(match (middle.like, option_for(middle, setting)) {
         (Some(kind), Some(option)) => format!("{size}: {}? use {option}", name(kind)),

@@ -17,7 +17,7 @@ const SAME: f64 = 0.015;
 /// Standard deviation of a measured size, relative.
 const SIZE_SD: f64 = 0.003;
 /// Root mean square deviation of the sizes of parts that agree with each other, relative.
-const AGREE: f64 = 0.006;
+pub(super) const AGREE: f64 = 0.006;
 /// Most discs of one kind that count, and the factor by which a scale's weight must exceed all others for it to be
 /// chosen.
 const MOST_WEIGHT: usize = 3;
@@ -43,6 +43,19 @@ pub(super) enum ScaleSource {
     Assumed,
 }
 
+/// Source of the scale, and what speaks against it.
+pub(super) struct PictureScale {
+    pub source: ScaleSource,
+    pub doubt: Option<String>,
+}
+
+impl PictureScale {
+    /// True if scores need not fall for it.
+    pub(super) fn is_sure(&self) -> bool {
+        self.doubt.is_none() && self.source != ScaleSource::TwoKinds
+    }
+}
+
 /// A scale under which sizes of discs agree with kinds.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ScaleFit {
@@ -62,11 +75,6 @@ impl ScaleFit {
     /// That scale, without any discs.
     pub(super) fn of(factor: f64) -> Self {
         Self { factor, focal: 1.0, kinds: Vec::new(), off: 0.0, weight: 0 }
-    }
-
-    /// True if the parts agree with themselves.
-    pub(super) fn agrees(&self) -> bool {
-        self.off <= AGREE
     }
 
     fn rank(&self) -> (usize, usize) {
@@ -91,7 +99,7 @@ impl Sizes<'_> {
         let mut fits: Vec<ScaleFit> = Vec::new();
         for disc in &discs {
             for (_, start) in self.kinds.iter().enumerate().filter(|(i, _)| kind.is_none_or(|kind| kind == *i)) {
-                let fit = self.fitted(start.radius_m / disc.radius_m, &discs, kind.is_none());
+                let fit = self.fitted(start.radius_m / disc.radius_m, &discs, [true, kind.is_none()]);
                 let same = |other: &ScaleFit| (other.factor / fit.factor - 1.0).abs() < SAME;
                 match fits.iter_mut().find(|other| same(other)) {
                     Some(other) if fit.rank() > other.rank() => *other = fit,
@@ -105,6 +113,11 @@ impl Sizes<'_> {
         let most = fits.first().map_or(0, |fit| fit.weight);
         fits.retain(|fit| fit.weight as f64 * CLEARLY_MORE > most as f64);
         fits
+    }
+
+    /// The provisional scale with the focal length that agrees best with the discs.
+    pub(super) fn refocused(&self) -> ScaleFit {
+        self.fitted(1.0, &self.discs.iter().collect::<Vec<_>>(), [false, true])
     }
 
     /// The scale under which `disc` is a part of `kind`.
@@ -125,7 +138,7 @@ impl Sizes<'_> {
 
     /// The scale near `factor`, fitted again and again to the discs that have the size of a kind: logarithms of their
     /// sizes are that of the scale and a multiple of the swelling, which is as uncertain as the focal length.
-    fn fitted(&self, factor: f64, discs: &[&DetectedDisc], may_refocus: bool) -> ScaleFit {
+    fn fitted(&self, factor: f64, discs: &[&DetectedDisc], [may_scale, may_refocus]: [bool; 2]) -> ScaleFit {
         let mut fit = ScaleFit::of(factor);
         let mut counts = vec![0; self.kinds.len()];
         for fits in FITS {
@@ -152,10 +165,11 @@ impl Sizes<'_> {
             }
             // normal equations of y = shift + gain x, with the gain known to be 1 within its deviation
             let prior = (SIZE_SD / self.focal_sd.max(1e-6)).powi(2);
-            let gain = if may_refocus { (n * xy - x * y + n * prior) / (n * xx - x * x + n * prior) } else { 1.0 };
+            let [x_mean, y_mean] = if may_scale { [x / n, y / n] } else { [0.0; 2] };
+            let gain = if may_refocus { (xy - x_mean * y + prior) / (xx - x_mean * x + prior) } else { 1.0 };
             let gain = gain.clamp(0.2, 3.0);
             fit.off = (squares / n).sqrt();
-            fit.factor *= (-(y - gain * x) / n).exp();
+            fit.factor *= (gain * x_mean - y_mean).exp();
             fit.focal = 1.0 / gain;
         }
         fit.kinds = (0..counts.len()).filter(|&kind| counts[kind] > 0).collect();

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use serde::Serialize;
+
 use super::naming::{NamedPart, OtherDisc, named};
 use super::picture;
-use super::report::TimeUs;
-use super::scale::{ScaleFit, ScaleSource, Sizes};
+use super::scale::{AGREE, PictureScale, ScaleFit, ScaleSource, Sizes};
 use super::setup::{LocateSetup, Plane, Scale};
 use crate::cli::output::Failure;
 use upm_core::geometry::{Lens, Vec2};
@@ -41,17 +42,14 @@ pub(super) struct LocatedPicture {
     pub time_us: TimeUs,
 }
 
-/// Source of the scale, and what speaks against it.
-pub(super) struct PictureScale {
-    pub source: ScaleSource,
-    pub doubt: Option<String>,
-}
-
-impl PictureScale {
-    /// True if scores need not fall for it.
-    pub(super) fn is_sure(&self) -> bool {
-        self.doubt.is_none() && self.source != ScaleSource::TwoKinds
-    }
+/// Wall times of one picture, µs.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct TimeUs {
+    /// Time to read and decode the file.
+    pub decode: f64,
+    pub table: f64,
+    /// Time to find discs, measure, scale and name them.
+    pub parts: f64,
 }
 
 /// The plane of the parts, of a provisional size where its scale is not known.
@@ -149,7 +147,7 @@ fn scaled(
     let sure = |source| PictureScale { source, doubt: None };
     let (fit, scale) = match &setting.scale {
         Scale::Size(_) if setting.rig.is_some() => (same, sure(ScaleSource::Rig)),
-        Scale::Size(_) => (same, sure(ScaleSource::Given)),
+        Scale::Size(_) => (sizes.refocused(), sure(ScaleSource::Given)),
         Scale::PxPerM(px_per_m) => {
             (ScaleFit::of(table.px_per_m_at(Vec2::zeros()) / px_per_m), sure(ScaleSource::Given))
         }
@@ -173,7 +171,7 @@ fn scaled(
                 [fit] if fit.kinds.len() >= 2 => {
                     let source = if fit.kinds.len() > 2 { ScaleSource::Parts } else { ScaleSource::TwoKinds };
                     let off = format!("the parts differ by {:.1} % from any one scale", 100.0 * fit.off);
-                    (fit.clone(), PictureScale { doubt: (!fit.agrees()).then_some(off), ..sure(source) })
+                    (fit.clone(), PictureScale { doubt: (fit.off > AGREE).then_some(off), ..sure(source) })
                 }
                 _ => {
                     let doubt = Some("no two kinds of parts determine it".to_owned());
@@ -196,10 +194,8 @@ fn scaled(
 /// Places of discs, as `--scale-from` takes them.
 fn places(discs: &[DetectedDisc]) -> String {
     const MOST: usize = 12;
-    let mut largest: Vec<&DetectedDisc> = discs.iter().collect();
-    largest.sort_by(|a, b| b.outline_share.total_cmp(&a.outline_share));
-    let at = |disc: &&DetectedDisc| format!("{:.0},{:.0}", disc.center_px.x, disc.center_px.y);
-    let places: Vec<String> = largest.iter().take(MOST).map(at).collect();
+    let at = |disc: &DetectedDisc| format!("{:.0},{:.0}", disc.center_px.x, disc.center_px.y);
+    let places: Vec<String> = discs.iter().take(MOST).map(at).collect();
     if places.is_empty() { "no disc was found".to_owned() } else { format!("discs are at {}", places.join(" ")) }
 }
 

@@ -1,4 +1,4 @@
-//! What is known before a search: plane, scale, kinds of parts and camera.
+//! Facts known before a search: plane, scale, kinds of parts and camera.
 
 use crate::cli::args::{LocateArgs, PlateInPicture};
 use crate::cli::output::Failure;
@@ -20,7 +20,7 @@ pub(super) enum Plane {
     Whole,
 }
 
-/// What is known of the scale.
+/// Scale as far as it is known.
 pub(super) enum Scale {
     Unknown,
     /// Sides of the plate, m.
@@ -42,7 +42,7 @@ pub(super) struct LocateSetup {
 }
 
 impl LocateSetup {
-    /// What the options and the rig file say.
+    /// Facts from the options and the rig file.
     pub(super) fn of(args: &LocateArgs) -> Result<Self, Failure> {
         let (known, rig) = match &args.rig {
             None => (coin_set(&args.coins).map_err(Failure::of_files)?, None),

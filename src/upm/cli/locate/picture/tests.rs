@@ -150,7 +150,7 @@ fn unsupported_picture_is_reported_in_one_line() {
     let cases = [
         (b"".to_vec(), "an empty file"),
         (b"{\"name\": 1}".to_vec(), "none of these"),
-        (b"GIF89a".to_vec(), "none of these"),
+        (b"GIF89a".to_vec(), "a Gif picture"),
         (wide.into_bytes(), "20000x20000 px, more than 64 million pixels"),
         (written(&float, ImageFormat::Tiff), "levels of 32 bits, more than 16"),
     ];
