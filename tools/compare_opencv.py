@@ -14,8 +14,8 @@ thresholds are tried, and the fastest that finds all parts and invents none in a
 is HoughCircles, tuned in the same way. OpenCV's settings are so chosen with the truth in hand; upm has none.
 
 Times are wall time, medians of repeats, from the 8-bit picture in memory to centres and corners. Those of upm are
-`time_us.table + time_us.parts`, what `upm locate` takes for that with all kernels and plans made anew, without its survey
-of discs that it was not told of; the same picture is given several times to one process, the first of them not counted.
+`time_us.table + time_us.parts` of `upm-lab locate --fast`, the control loop's vision with all kernels and plans made anew;
+the same picture is given several times to one process, the first of them not counted.
 Repeats of all take turns, and everything runs on one and the same core. The ratio of medians is judged; that of the least
 times is printed for busy machines. Centres are held against the truth, px; a part is missed when nothing is
 found within 2 px.
@@ -24,6 +24,7 @@ Exit status 1 when upm is less than `--bar` times as fast as either pipeline in 
 """
 import json
 import os
+import pathlib
 import statistics
 import sys
 import tempfile
@@ -101,13 +102,11 @@ def fastest(scenes, candidates):
 
 
 def run_upm(upm, scene, repeats):
-    """What `upm locate` finds, and its times in ms, the first of them left out."""
-    told = ["--kinds", "penny", "--plate-side-mm", "203.2"]
-    lines, _ = output_of([upm, "locate", "--json", *told, *[scene.path] * (repeats + 1)])
-    looks = [json.loads(line) for line in lines.splitlines()]
-    times = [1e-3 * (look["time_us"]["table"] + look["time_us"]["parts"]) for look in looks]
-    found = looks[-1]["table"]["corners_px"], [part["center_px"] for part in looks[-1]["parts"]]
-    return found, times[1:]
+    """What `upm-lab locate --fast` finds, and its median time in ms, the first left out."""
+    lab = pathlib.Path(upm).with_name("upm-lab")
+    look = json.loads(output_of([lab, "locate", "--json", "--kinds", "penny", "--fast", str(repeats + 1), scene.path])[0])
+    found = look["table"]["corners_px"], [part["center_px"] for part in look["parts"]]
+    return found, [1e-3 * (look["time_us"]["table"] + look["time_us"]["parts"])]
 
 
 def compare(upm, scene, pipelines):

@@ -72,7 +72,7 @@ pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<Reference
     let picture = GrayImage::from_raw(width as u32, height as u32, frame.pixels.clone()).ok_or(bad_size)?;
     let ideal = undistorted(picture, lens);
     let corners = quad::corners(&ideal).ok_or(ReferenceFault::NoTable)?;
-    let table = Table::from_ideal_corners(corners, side_m, lens).ok_or(ReferenceFault::NoTable)?;
+    let table = Table::from_ideal_corners(corners, side_m, lens).map_err(|_| ReferenceFault::NoTable)?;
     Ok(ReferenceView { ideal, table })
 }
 

@@ -35,9 +35,10 @@ mod tracking_tests;
 mod types;
 
 pub use coins::CoinFinder;
-pub use locate::{TableFault, locate_table, locate_table_in_stages};
+pub use locate::{TableFault, locate_corners, locate_table};
 pub use plate_watch::{ForeignPart, PlateOccupancy, PlateWatch};
-pub use survey::{seen_radius_m, survey};
+pub use survey::{seen_outline_m, survey};
+pub use table::focal_from_corners;
 pub use table_watch::{TableMotion, TableWatch};
 pub use tracking::Tracker;
-pub use types::{DebugImages, DetectedDisc, Detection, FloatImage, HoughArray, Survey, Table, Track};
+pub use types::{DetectedDisc, Detection, Table, Track};

@@ -54,12 +54,38 @@ impl Coin {
     }
 }
 
+/// Ground that the coins lie on.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Surface {
+    /// A white plate on dark ground.
+    Plate,
+    Cloth,
+    Wood,
+    Paper,
+}
+
+impl Surface {
+    /// Colour at a place of the surface.
+    fn color(self, [x, y]: [f64; 2]) -> [f64; 3] {
+        match self {
+            Self::Plate => PLATE,
+            Self::Cloth => [52.0, 66.0, 96.0].map(|c| c * (1.0 + 0.25 * (8.0 * x).sin() * (8.0 * y).sin())),
+            Self::Wood => {
+                let ring = (0.9 * y + 1.5 * (0.05 * x).sin() + 0.4 * (0.31 * x + 0.7 * y).sin()).sin();
+                [196.0, 150.0, 104.0].map(|c| c * (1.0 + 0.12 * ring + 0.04 * (5.0 * y).sin()))
+            }
+            Self::Paper => [226.0, 224.0, 216.0].map(|c| if y.rem_euclid(8.0) < 0.3 { 0.75 * c } else { c }),
+        }
+    }
+}
+
 /// A picture to be rendered.
 #[derive(Clone)]
 pub(super) struct CoinPicture {
     pub seed: u64,
     pub size_px: [u32; 2],
     pub side_mm: f64,
+    pub surface: Surface,
     /// Focal length in picture widths, and the plate's side as a share of the picture's height.
     pub focal_widths: f64,
     pub side_share: f64,
@@ -111,7 +137,7 @@ impl CoinPicture {
         let near: Vec<&Coin> = self.coins.iter().filter(|coin| off(coin) < NEAR_MM).collect();
         let to_side = foot.map(|v| (v.abs() - self.side_mm / 2.0).abs());
         let is_smooth = near.iter().all(|coin| off(coin) > OUTLINE_MM) && to_side.iter().all(|&off| off > OUTLINE_MM);
-        let rays = if is_smooth { 1 } else { RAYS };
+        let rays = if is_smooth && self.surface == Surface::Plate { 1 } else { RAYS };
         let mut sum = [0.0; 3];
         for k in 0..rays * rays {
             let off = |k: u32| (f64::from(k) + 0.5) / f64::from(rays) - 0.5;
@@ -135,11 +161,11 @@ impl CoinPicture {
         }
         let foot = at_height(0.0);
         let half = self.side_mm / 2.0;
-        if foot[0].abs() > half || foot[1].abs() > half {
+        if self.surface == Surface::Plate && (foot[0].abs() > half || foot[1].abs() > half) {
             return self.lit(foot, GROUND, 1.0);
         }
         let light: f64 = near.iter().map(|coin| self.shade(coin, foot)).product();
-        self.lit(foot, PLATE, light)
+        self.lit(foot, self.surface.color(foot), light)
     }
 
     /// Colour of a coin's face: a raised rim, a portrait, letters, a sheen across it.

@@ -1,14 +1,12 @@
 //! Twelve pictures of mixed coins, with the options that a user would type for each.
 
-use super::coin_pictures::{Coin, CoinPicture, Metal, Rng};
+use super::coin_pictures::{Coin, CoinPicture, Metal, Rng, Surface};
 
 /// A picture, and the options with which it is searched.
 pub(super) struct CoinScene {
     pub name: &'static str,
     pub picture: CoinPicture,
     pub options: Vec<String>,
-    /// False if the picture does not reveal the size of the plate.
-    pub scale_is_known: bool,
 }
 
 pub(super) const PENNY: Coin = coin(Some("penny"), 19.05, 1.52, Metal::Copper);
@@ -55,7 +53,7 @@ pub(super) fn scenes(seed: u64) -> Vec<CoinScene> {
         let coins = scattered(&mut rng, side_mm, coins, count, 2.0);
         let mut picture = daylight(&mut rng, side_mm, coins);
         change(&mut picture);
-        scenes.push(CoinScene { name, picture, options: Vec::new(), scale_is_known: true });
+        scenes.push(CoinScene { name, picture, options: Vec::new() });
     };
     add("daylight", 203.2, &four, 3, &|_| {});
     add("gray and noisy", 203.2, &four, 3, &|p| {
@@ -85,13 +83,24 @@ pub(super) fn scenes(seed: u64) -> Vec<CoinScene> {
         (p.side_share, p.shadow, p.softness_mm) = (0.72, 0.5, 3.5);
     });
     for scene in &mut scenes {
-        match scene.name {
-            "foreign coins" => scene.options = ["--plate-side-mm", "203.2"].map(String::from).into(),
-            "quarters alone on 225 mm" => scene.scale_is_known = false,
-            _ => {}
+        if scene.name == "foreign coins" {
+            scene.options = ["--plate-side-mm", "203.2"].map(String::from).into();
         }
     }
     scenes
+}
+
+/// Ten pictures of coins of a country on cloth, wood and paper, from about straight above; the first coin gives the
+/// scale.
+pub(super) fn everywhere(seed: u64) -> Vec<CoinPicture> {
+    let coins = [PENNY, NICKEL, DIME, QUARTER, QUARTER, BROWN_PENNY];
+    let mut rng = Rng(seed);
+    let picture = |i: usize| {
+        let surface = [Surface::Cloth, Surface::Wood, Surface::Paper][i % 3];
+        let coins = scattered(&mut rng, 160.0, &coins, 2, 3.0);
+        CoinPicture { surface, side_share: 0.95, size_px: [1200, 1200], ..daylight(&mut rng, 180.0, coins) }
+    };
+    (0..10).map(picture).collect()
 }
 
 /// A sharp picture in colour from above, with a shadow to one side.
@@ -100,6 +109,7 @@ fn daylight(rng: &mut Rng, side_mm: f64, coins: Vec<Coin>) -> CoinPicture {
         seed: rng.within(0.0, 1e9) as u64,
         size_px: [1200, 1000],
         side_mm,
+        surface: Surface::Plate,
         focal_widths: 3.0,
         side_share: 0.85,
         tilt_deg: [0.5, -0.5, rng.within(-8.0, 8.0)],

@@ -84,55 +84,61 @@ fn the_result_is_as_the_contract_has_it() {
     let folder = TempDir::new().unwrap();
     let found = located(&[&saved(&folder, "plate.png", papers_plate())]);
     assert_found(&found);
-    assert_eq!(keys(&found), ["contrast", "others", "parts", "plate", "table", "time_us"]);
-    assert_eq!(keys(&found["table"]), ["corners_px", "rotation_deg", "side_px"]);
-    assert_eq!(keys(&found["time_us"]), ["decode", "parts", "survey", "table"]);
-    assert_eq!(keys(&found["plate"]), ["candidates", "side_mm", "source"]);
-    assert_eq!(keys(&found["contrast"]), ["darkest", "lightest"]);
-    let part = &found["parts"][0];
-    let expected =
-        ["center_px", "covariance_px2", "diameter_mm", "doubts", "kind", "position_mm", "radius_px", "score"];
-    assert_eq!(keys(part), expected);
-    let covariance = |row: usize, column: usize| part["covariance_px2"][row][column].as_f64().unwrap();
-    assert!(covariance(0, 0) > 0.0 && covariance(1, 1) > 0.0);
-    assert_eq!(covariance(0, 1), covariance(1, 0));
+    assert_eq!(keys(&found), ["others", "parts", "plate", "table", "time_us"]);
+    assert_eq!(keys(&found["table"]), ["corners_px", "focal_px", "rotation_deg", "side_px"]);
+    assert_eq!(keys(&found["time_us"]), ["decode", "parts", "table"]);
+    assert_eq!(keys(&found["plate"]), ["doubt", "height_mm", "side_mm", "source"]);
+    let expected = ["center_px", "diameter_mm", "doubts", "kind", "position_mm", "radius_px", "score"];
+    assert_eq!(keys(&found["parts"][0]), expected);
 }
 
 #[test]
-fn twelve_bits_in_sixteen_are_noticed() {
-    let folder = TempDir::new().unwrap();
-    let wide = DynamicImage::from(papers_plate()).to_luma16();
-    let twelve_bits = image::ImageBuffer::from_fn(SIZE[0], SIZE[1], |x, y| Luma([wide.get_pixel(x, y).0[0] >> 4]));
-    let twelve_bits = saved(&folder, "d.pgm", DynamicImage::ImageLuma16(twelve_bits));
-    assert_found(&located(&[&twelve_bits]));
-    let (_, stderr) = status(&["locate", "-v", &twelve_bits], 0);
-    assert!(stderr.contains("12 significant bits"), "{stderr}");
-}
-
-#[test]
-fn options_select_parts_kinds_and_plate_side() {
+fn options_say_what_is_known() {
     let folder = TempDir::new().unwrap();
     let dark = saved(&folder, "dark.png", plate([30.0, 110.0, 240.0]));
-    assert_found(&located(&[&dark, "--light-parts"]));
-    assert_eq!(located(&[&dark])["parts"], json!([]));
+    assert_found(&located(&[&dark]));
     // on a plate half as large again, the former penny is larger than any coin
     let light = saved(&folder, "light.png", papers_plate());
     assert_eq!(located(&[&light, "--plate-side-mm", "304.8", "--kinds", "penny"])["parts"], json!([]));
     let smaller = located(&[&light, "--plate-side-mm", "258.8", "--kinds", "dime,quarter"]);
     assert_eq!(smaller["parts"][1]["kind"], "quarter");
+    // corners in any order, as a person reads them off
+    let corners = ["390,350", "90,50", "390,50", "90,350"];
+    let given = located(&[&["--corners"][..], &corners, &["--plate-side-mm", "203.2", &light]].concat());
+    assert_eq!(given["parts"][1]["kind"], "penny");
+    // the picture as the plane, with the scale of one coin, or as a number
+    let px_per_mm = format!("{}px/mm", SIDE_PX / 203.2);
+    for scale in [["--scale-from", "penny@171,142"], ["--scale-from", "penny"], ["--scale", &px_per_mm]] {
+        let whole = located(&[&["--plate", "whole"], &scale[..], &[&light]].concat());
+        assert_eq!((&whole["parts"][0]["kind"], whole["parts"].as_array().unwrap().len()), (&json!("penny"), 2));
+        let x_mm = |part: usize| whole["parts"][part]["position_mm"][0].as_f64().unwrap();
+        let apart_mm = (PARTS_PX[1][0] - PARTS_PX[0][0]) * 203.2 / SIDE_PX;
+        assert!((x_mm(1) - x_mm(0) - apart_mm).abs() < 0.5, "{whole}");
+    }
+    let euro = located(&[&light, "--coins", "eu", "--plate-side-mm", "210.7"]);
+    assert_eq!(euro["parts"][0]["kind"], "cent-10");
+    let mut oblong = GrayImage::from_pixel(800, 600, Luma([30]));
+    image::imageops::replace(&mut oblong, &GrayImage::from_pixel(600, 300, Luma([220])), 100, 150);
+    let oblong = saved(&folder, "oblong.png", oblong);
+    assert_eq!(located(&[&oblong, "--rectangle", "150x300"])["plate"]["side_mm"], 300.0);
     for (args, fault) in [
         (
             &["--kinds", "penny,pennyy"][..],
-            "--kinds: expected one of penny, nickel, dime, quarter (did you mean penny?), found \"pennyy\"",
+            "--kinds: expected one of dime, penny, nickel, quarter (did you mean penny?), found \"pennyy\"",
         ),
         (&["--plate-side-mm", "-3"], "--plate-side-mm: expected a length above 0, up to "),
         (&["--plate-side-mm", "nan"], " mm, found NaN"),
+        (&["--rectangle", "297"], "--rectangle: expected two lengths above 0, up to 100000 mm, as 297x210, found 297"),
+        (&["--scale", "12"], "--scale: expected a number from 0.001 to 10000 and its unit, as 12.3px/mm, found 12"),
+        (&["--scale-from", "dime@3"], "--scale-from: expected KIND@X,Y with X and Y in px, found dime@3"),
+        (&["--coins", "dk"], "--coins: expected one of us, eu, uk, jp, or the name of a file, found \"dk\""),
         (&["--rig", "configs/rigs/upm-1.json"], "px from the camera of rig upm-1, found 480x400 px"),
     ] {
         let (stdout, stderr) = status(&[&["locate", &light], args].concat(), 2);
         assert!(stderr.contains(fault) && stderr.lines().count() == 1 && stdout.is_empty(), "{stderr}");
     }
-    status(&["locate", &light, "--rig", "configs/rigs/upm-1.json", "--light-parts"], 2);
+    let (_, stderr) = status(&["locate", &light, "--scale-from", "penny@5,5"], 1);
+    assert!(stderr.contains("no disc at 5,5; discs are at 170,14"), "{stderr}");
     status(&["locate"], 2);
 }
 
@@ -147,11 +153,13 @@ fn unreadable_picture_is_refused_in_one_line() {
     let mut cases = vec![
         (write("empty.png", b""), "found an empty file"),
         (write("text.png", b"not a picture"), "found none of these"),
+        (write("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic"), "found an AVIF or HEIC picture"),
+        (write("a.webp", b"RIFF\x1a\0\0\0WEBPVP8L\r\0\0\0/\0\0\0"), "found a WebP picture"),
         (write("huge.pgm", b"P5 20000 20000 255\n"), "found 20000x20000 px"),
         (text(folder.path()), "it is a folder"),
         (text(&folder.path().join("no-such.png")), "no such file"),
     ];
-    for name in ["cut.png", "cut.jpg", "cut.pgm", "cut.tif"] {
+    for name in ["cut.png", "cut.jpg", "cut.pgm", "cut.tif", "cut.bmp"] {
         let bytes = fs::read(saved(&folder, name, papers_plate())).unwrap();
         cases.push((write(name, &bytes[..bytes.len() / 2]), "found "));
     }
@@ -209,30 +217,14 @@ fn each_of_several_pictures_is_reported_and_the_worst_status_wins() {
 }
 
 #[test]
-fn the_stages_are_drawn() {
-    const PANELS: [&str; 5] = ["1-picture.png", "2-edges.png", "3-hough.png", "4-disk-response.png", "5-overlay.png"];
+fn overlay_shows_the_parts() {
     let folder = TempDir::new().unwrap();
     let good = saved(&folder, "good.png", papers_plate());
-    let black = saved(&folder, "black.png", GrayImage::new(640, 480));
-    let stages = folder.path().join("a/stages");
-    status(&["locate", &good, "--stages", &text(&stages)], 0);
-    let open = |name: &str| image::open(stages.join(name)).unwrap().into_rgb8();
-    let panels = PANELS.map(open);
-    for panel in [0, 1, 3, 4] {
-        assert_eq!(panels[panel].dimensions(), (SIZE[0], SIZE[1]), "{}", PANELS[panel]);
-    }
-    assert_eq!(panels[0], DynamicImage::from(papers_plate()).into_rgb8());
-    let [left, middle] = [MIDDLE_PX[0] - SIDE_PX / 2.0, MIDDLE_PX[1] - 90.0].map(|x| x.round() as u32);
-    assert!((left - 1..=left + 1).any(|x| panels[1].get_pixel(x, middle).0[0] > 100), "no edge on the left side");
-    assert_eq!(panels[1].get_pixel(left - 20, middle).0, [0; 3]);
-    let at = |panel: usize, [x, y]: [f64; 2]| panels[panel].get_pixel(x.round() as u32, y.round() as u32).0;
-    assert!(at(3, PARTS_PX[0])[0] > 240 && at(3, MIDDLE_PX)[0] < 60, "hot at a part, cold beside");
+    let drawn = folder.path().join("a/drawn");
+    status(&["locate", &good, "--overlay", &text(&drawn)], 0);
+    let drawn = image::open(drawn.join("good.png")).unwrap().into_rgb8();
+    let at = |[x, y]: [f64; 2]| drawn.get_pixel(x.round() as u32, y.round() as u32).0;
     let colored = |[r, g, b]: [u8; 3]| r.abs_diff(g).max(g.abs_diff(b)) > 20;
     let [x, y] = PARTS_PX[1];
-    assert!(colored(at(4, [x + PENNY_PX, y])) && !colored(at(4, MIDDLE_PX)), "rings are round the parts");
-
-    status(&["locate", &black, "--stages", &text(&stages.join("black"))], 1);
-    assert_eq!(fs::read_dir(stages.join("black")).unwrap().count(), 2, "no edges: the picture and their map");
-    let (_, stderr) = status(&["locate", &good, "--stages", &good], 1);
-    assert!(stderr.starts_with(&format!("upm: cannot write {good}: ")), "{stderr}");
+    assert!(colored(at([x + PENNY_PX, y])) && !colored(at(MIDDLE_PX)), "rings are round the parts");
 }

@@ -4,7 +4,7 @@ use image::{DynamicImage, Luma};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::coin_pictures::{Coin, CoinPicture, Metal};
+use super::coin_pictures::{Coin, CoinPicture};
 use super::coin_scenes::{PENNY, QUARTER, plain};
 use super::status;
 
@@ -76,37 +76,6 @@ fn score_falls_where_the_rim_is_off_or_half_hidden() {
 }
 
 #[test]
-fn score_falls_where_the_level_is_another_metals() {
-    let folder = TempDir::new().unwrap();
-    let silver = Coin { metal: Metal::Silver, ..PENNY };
-    let coins = [PENNY, PENNY, silver, QUARTER, QUARTER];
-    let picture = plain(203.2, &coins.into_iter().zip(PLACES).collect::<Vec<_>>());
-    for gray in [true, false] {
-        let found = located(&saved(&folder, &CoinPicture { gray, ..picture.clone() }), &SIDE);
-        let [copper, silver] = [PLACES[0], PLACES[2]].map(|at| score_at(&found, at));
-        assert!(copper > 0.9 && silver < 0.65, "gray {gray}: {copper} {silver}");
-    }
-}
-
-#[test]
-fn picture_without_parts_reports_the_discs_found() {
-    let folder = TempDir::new().unwrap();
-    let bare = said(&saved(&folder, &plain(203.2, &[])), &[]);
-    assert!(bare.contains("no parts: the table was found, no disc was found"), "{bare}");
-    // white discs on a dark plate on light ground
-    let inverted = |picture: &CoinPicture| {
-        let mut pixels = DynamicImage::from(picture.drawn()).into_luma8();
-        image::imageops::invert(&mut pixels);
-        written(&folder, pixels)
-    };
-    let light = inverted(&plain(203.2, &[(PENNY, PLACES[0]), (PENNY, PLACES[3])]));
-    let text = said(&light, &[]);
-    assert!(text.contains("no parts: the table was found, 2 discs were found"), "{text}");
-    assert!(text.lines().any(|line| line.contains("2 discs of 19.") && line.contains("use --light-parts")), "{text}");
-    assert_eq!(located(&light, &["--light-parts"])["parts"].as_array().unwrap().len(), 2);
-}
-
-#[test]
 fn plate_side_is_determined_by_two_kinds_but_not_by_one() {
     let folder = TempDir::new().unwrap();
     let two = saved(&folder, &plain(260.0, &[(PENNY, PLACES[0]), (QUARTER, PLACES[1]), (PENNY, PLACES[2])]));
@@ -114,9 +83,13 @@ fn plate_side_is_determined_by_two_kinds_but_not_by_one() {
     let side_mm = found["plate"]["side_mm"].as_f64().unwrap();
     assert!((side_mm / 260.0 - 1.0).abs() < 0.02 && found["plate"]["source"] == "two_kinds", "{found}");
     assert!(said(&two, &[]).contains("from the ratio of the parts' sizes"));
+    assert!(said(&saved(&folder, &plain(203.2, &[])), &[]).contains("no parts: 0 discs found"));
     let one = saved(&folder, &plain(260.0, &[(QUARTER, PLACES[0]), (QUARTER, PLACES[1]), (QUARTER, PLACES[2])]));
     let text = said(&one, &[]);
-    assert!(text.contains("plate: 203.2 mm assumed; --plate-side-mm sets it"), "{text}");
+    assert!(
+        text.contains("plate: 203.2 x 203.2 mm assumed; --plate-side-mm, --scale or --scale-from gives it"),
+        "{text}"
+    );
     let found = located(&one, &["--plate-side-mm", "260"]);
     assert_eq!((&found["plate"]["source"], &found["parts"][0]["kind"]), (&"given".into(), &"quarter".into()));
 }

@@ -4,7 +4,7 @@
 usage: locate_reference.py [--upm target/debug/upm] [--seeds 5] [--rounds 3]
 
 Pictures: `upm-lab scene papers` (`cargo build -p upm-lab`), a white plate of 8 in with 16 pennies, 1280x1024, truth beside.
-Both methods get the same file and look for pennies on a plate of 203.2 mm: `upm locate --json` and `upm-lab locate --json`.
+Both methods get the same file and look for pennies on a plate of 203.2 mm: `upm-lab locate --json`, with `--fast` and without.
 Times are `time_us.table + time_us.parts`, from the decoded picture to corners and centres, medians over rounds in which
 the methods take turns. Errors are the largest distance of a corner or centre from the truth, px.
 
@@ -22,7 +22,6 @@ sys.path.append(str(pathlib.Path(__file__).resolve().parents[1]))
 from common import output_of, papers_scene, parser_of, table  # noqa: E402
 
 NEAR_PX, AGREE_PX = 2.0, 0.5
-SIDE = ["--plate-side-mm", "203.2"]
 
 
 def worst(found, wanted):
@@ -41,11 +40,11 @@ def compare(args, seed, folder):
     """A row of the table, and whether the methods find the same."""
     picture, truth = papers_scene(args.upm, seed, folder)
     lab = pathlib.Path(args.upm).with_name("upm-lab")
-    programs = {"fast": [args.upm, *SIDE], "reference": [lab]}
-    ms, last = {name: [] for name in programs}, {}
+    methods = {"fast": ["--fast", "2"], "reference": []}
+    ms, last = {name: [] for name in methods}, {}
     for _ in range(args.rounds):
-        for name, (program, *extra) in programs.items():
-            last[name] = json.loads(output_of([program, "locate", picture, "--json", "--kinds", "penny", *extra])[0])
+        for name, extra in methods.items():
+            last[name] = json.loads(output_of([lab, "locate", picture, "--json", "--kinds", "penny", *extra])[0])
             ms[name].append((last[name]["time_us"]["table"] + last[name]["time_us"]["parts"]) / 1e3)
     row, good = [seed], True
     for name, result in last.items():

@@ -94,4 +94,7 @@ pub struct LocateArgs {
     /// Kinds to look for. Without it all of them
     #[arg(long, value_name = "KIND,...", value_delimiter = ',')]
     pub kinds: Vec<String>,
+    /// Find them by the vision of the control loop instead, this many times; times are medians without the first
+    #[arg(long, value_name = "TIMES", value_parser = clap::value_parser!(u32).range(2..=1_000))]
+    pub fast: Option<u32>,
 }

@@ -6,7 +6,7 @@ use super::rim::RimFit;
 use super::run_length_sums::RunLengthSums;
 use super::sampling::Sampler;
 use super::shading::Shading;
-use super::{Detection, FloatImage, Table};
+use super::{Detection, Table};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
@@ -116,21 +116,6 @@ impl CoinFinder {
         let found: Vec<CandidatePart> =
             candidates.iter().filter_map(|candidate| self.examine(frame, &sampler, &picture, candidate)).collect();
         self.agreed(found)
-    }
-
-    /// The last response of kind 0, over the whole frame, relative to the strongest response of any kind (at least
-    /// 0.2): 1 there, 0 off the plate. One value for each square of pixels that the picture was averaged over.
-    pub fn response(&self) -> FloatImage {
-        let [width, height] = self.frame_size.map(|n| n / self.plate.bin);
-        let mut plane = FloatImage { width, height, values: vec![0.0; width * height] };
-        let Some(response) = self.responses.first() else { return plane };
-        let scale = if self.strongest > 0.0 { 1.0 / self.strongest.max(LEAST_CONTRAST) } else { 0.0 };
-        for (row, values) in response.chunks_exact(self.plate.size[0].max(1)).enumerate() {
-            let start = (self.plate.corner[1] + row) * width + self.plate.corner[0];
-            let target = plane.values.get_mut(start..start + values.len()).into_iter().flatten();
-            target.zip(values).for_each(|(to, &value)| *to = (value * scale).clamp(0.0, 1.0));
-        }
-        plane
     }
 
     /// Loads the darkness against the bare plate, 0 to 1; 0 beyond the plate's outline.

@@ -160,19 +160,3 @@ fn blots_bare_plates_and_odd_frames_give_no_parts() {
         assert_eq!(finder.find(&Frame::new(1280, 1024)), []);
     }
 }
-
-#[test]
-fn response_peaks_at_the_part_and_covers_the_frame() {
-    let (scene, discs) = (Scene::plain(1), [penny(0.02, 0.01)]);
-    let table = table_of(&scene, &discs);
-    let mut finder = CoinFinder::new(&table, scene.size_px, &pennies(), true);
-    finder.find(&scene.frame_with(&discs));
-    let response = finder.response();
-    let bin = 1280 / response.width;
-    assert_eq!((response.width, response.height), (1280 / bin, 1024 / bin));
-    let peak = (0..response.values.len()).max_by(|&a, &b| response.values[a].total_cmp(&response.values[b])).unwrap();
-    let cell = Vec2::new((peak % response.width) as f64, (peak / response.width) as f64);
-    let at = cell * bin as f64 + Vec2::repeat((bin as f64 - 1.0) / 2.0);
-    assert!((at - scene.image_from_table(discs[0].at_m)).norm() < 0.8 * bin as f64);
-    assert!(response.values.iter().all(|v| (0.0..=1.0).contains(v)));
-}

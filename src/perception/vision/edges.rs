@@ -1,7 +1,6 @@
 //! Edges of an averaged picture: Scharr gradient, thinned to ridges, selected by hysteresis (Canny, 1986). Thresholds
 //! follow the picture's own strongest edges and its noise, so light and contrast do not matter.
 
-use super::FloatImage;
 use super::binned::{BinnedImage, UNITS};
 use upm_core::geometry::Vec2;
 
@@ -38,8 +37,24 @@ struct Ridge {
     offset: f32,
 }
 
-/// The edges of a picture. A `plane` is filled with an image of them: strength at an edge, else 0; levels a cell.
-pub(super) fn edges(picture: &BinnedImage, plane: Option<&mut FloatImage>) -> Vec<EdgePoint> {
+/// The edges of a picture.
+pub(super) fn edges(picture: &BinnedImage) -> Vec<EdgePoint> {
+    edge_points(picture, |gradient| match thresholds(gradient) {
+        Some((low, high)) => linked(gradient, ridges(gradient, low), high),
+        None => Vec::new(),
+    })
+}
+
+/// The steepest edges of a picture that may have texture everywhere: those among that share of its cells.
+pub(super) fn steepest_edges(picture: &BinnedImage, share: f64) -> Vec<EdgePoint> {
+    edge_points(picture, |gradient| {
+        let sizes = Sizes::of(gradient);
+        let least = sizes.exceeded_by((share * sizes.counted as f64) as usize).max(FAINTEST * GRADIENT_UNITS);
+        ridges(gradient, least as i16)
+    })
+}
+
+fn edge_points(picture: &BinnedImage, chosen: impl Fn(&Gradient) -> Vec<Ridge>) -> Vec<EdgePoint> {
     let smooth;
     // Averaged levels are smooth enough; single pixels are not.
     let levels = if picture.bin == 1 {
@@ -49,17 +64,7 @@ pub(super) fn edges(picture: &BinnedImage, plane: Option<&mut FloatImage>) -> Ve
         &picture.levels
     };
     let gradient = scharr(levels, picture.width, picture.height);
-    let ridges = match thresholds(&gradient) {
-        Some((low, high)) => linked(&gradient, ridges(&gradient, low), high),
-        None => Vec::new(),
-    };
-    if let Some(plane) = plane {
-        *plane = FloatImage { width: gradient.width, height: gradient.height, values: vec![0.0; gradient.size.len()] };
-        for ridge in &ridges {
-            plane.values[ridge.cell] = f32::from(gradient.size[ridge.cell]) / GRADIENT_UNITS;
-        }
-    }
-    ridges.iter().map(|ridge| gradient.edge_at(ridge, picture)).collect()
+    chosen(&gradient).iter().map(|ridge| gradient.edge_at(ridge, picture)).collect()
 }
 
 /// Binomial smoothing over three cells along each axis.
@@ -107,30 +112,44 @@ fn scharr(levels: &[i16], width: usize, height: usize) -> Gradient<'_> {
     Gradient { width, height, levels, size }
 }
 
+/// Counts of the gradient's sizes in every fourth row.
+struct Sizes {
+    counts: [usize; (i16::MAX >> Sizes::SHIFT) as usize + 1],
+    counted: usize,
+}
+
+impl Sizes {
+    const SHIFT: i16 = 4;
+    const EVERY: usize = 4;
+
+    fn of(gradient: &Gradient) -> Self {
+        let mut sizes = Self { counts: [0; (i16::MAX >> Self::SHIFT) as usize + 1], counted: 0 };
+        for row in gradient.size.chunks_exact(gradient.width.max(1)).step_by(Self::EVERY) {
+            row.iter().for_each(|&size| sizes.counts[(size.max(0) >> Self::SHIFT) as usize] += 1);
+            sizes.counted += row.len();
+        }
+        sizes
+    }
+
+    /// The size that as many of the counted cells exceed.
+    fn exceeded_by(&self, wanted: usize) -> f32 {
+        let mut seen = 0;
+        let bin = (0..self.counts.len()).rev().find(|&bin| {
+            seen += self.counts[bin];
+            seen >= wanted.max(1)
+        });
+        (bin.unwrap_or(0) << Self::SHIFT) as f32
+    }
+}
+
 /// Low and high threshold, in the units of the gradient's size; `None` without an edge above the noise. The strongest
 /// gradients set the scale: as many cells as an eighth of the picture's half circumference exceed it. The median
 /// gradient is that of the noise, which must be below the threshold.
 fn thresholds(gradient: &Gradient) -> Option<(i16, i16)> {
-    const SHIFT: i16 = 4;
-    const EVERY: usize = 4;
-    let mut counts = [0usize; (i16::MAX >> SHIFT) as usize + 1];
-    let rows = gradient.size.chunks_exact(gradient.width.max(1)).step_by(EVERY);
-    let mut looked_at = 0;
-    for row in rows {
-        row.iter().for_each(|&size| counts[(size.max(0) >> SHIFT) as usize] += 1);
-        looked_at += row.len();
-    }
-    let exceeded_by = |wanted: usize| {
-        let mut seen = 0;
-        let bin = (0..counts.len()).rev().find(|&bin| {
-            seen += counts[bin];
-            seen >= wanted.max(1)
-        });
-        (bin.unwrap_or(0) << SHIFT) as f32
-    };
-    let strongest = exceeded_by((gradient.width + gradient.height).div_ceil(8 * EVERY));
-    let noise = exceeded_by(looked_at / 2);
-    if looked_at == 0 || strongest < 5.0 * noise || strongest < FAINTEST * GRADIENT_UNITS {
+    let sizes = Sizes::of(gradient);
+    let strongest = sizes.exceeded_by((gradient.width + gradient.height).div_ceil(8 * Sizes::EVERY));
+    let noise = sizes.exceeded_by(sizes.counted / 2);
+    if sizes.counted == 0 || strongest < 5.0 * noise || strongest < FAINTEST * GRADIENT_UNITS {
         return None;
     }
     let [low, high] = [(0.1 * strongest).max(3.0 * noise), (0.25 * strongest).max(4.5 * noise)];
@@ -221,7 +240,7 @@ mod tests {
     fn flat_and_tiny_pictures_have_no_edges() {
         for (width, height) in [(1, 1), (2, 50), (5000, 3), (64, 64)] {
             for bin in [1, 2, 4] {
-                assert!(edges(&BinnedImage::of(&Frame::new(width, height), bin), None).is_empty());
+                assert!(edges(&BinnedImage::of(&Frame::new(width, height), bin)).is_empty());
             }
         }
     }

@@ -3,7 +3,6 @@
 
 use std::f64::consts::TAU;
 
-use super::HoughArray;
 use upm_core::geometry::Vec2;
 
 /// Columns: one degree each.
@@ -81,13 +80,6 @@ impl HoughAccumulator {
         edges.iter().for_each(|edge| ballot.cast(edge, 1, |_| {}));
         ballot.tops = ballot.left.chunks_exact(ANGLES).map(highest).collect();
         ballot
-    }
-
-    /// A copy of the votes left.
-    pub(super) fn array(&self) -> HoughArray {
-        let &Self { distances, px_per_row, .. } = self;
-        let votes = self.left.iter().map(|&votes| f32::from(votes) / VOTE_WEIGHT).collect();
-        HoughArray { angles: ANGLES, distances, px_per_row, votes, peaks: Vec::new() }
     }
 
     /// The highest peak left, column and row, and its votes.

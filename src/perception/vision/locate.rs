@@ -1,12 +1,12 @@
 use nalgebra::Matrix2;
 
+use super::Table;
 use super::binned::BinnedImage;
 use super::edges::{EdgePoint, edges};
 use super::hough::{HoughAccumulator, HoughLine, IdealEdge};
 use super::lines::{SideMeasurement, through_edges};
-use super::quad::{DetectedLine, Quad, quads};
+use super::quad::{DetectedLine, Quad, QuadShape, name_of, quads};
 use super::sampling::Sampler;
-use super::{DebugImages, Table};
 use upm_core::geometry::{Lens, Vec2};
 use upm_core::signal::Frame;
 
@@ -71,6 +71,20 @@ pub enum TableFault {
     /// There are lines, but no four that make a square lighter or darker than the ground.
     #[error("no four lines make a square that is lighter or darker than the ground")]
     NotASquare,
+    /// Four lines almost make a square; what they fail, with the sides.
+    #[error("no four lines make the plate: of the best four {0}")]
+    AlmostASquare(String),
+    /// The four sides are no picture of the plate for any lens.
+    #[error(
+        "the four sides do not make the plate for any lens: its width is {ratio:.3} of what its height allows, its \
+         corners have {angle_deg:.1} degrees"
+    )]
+    Skewed {
+        /// Width over height, as a multiple of the plate's.
+        ratio: f64,
+        /// Angle between its sides, degrees.
+        angle_deg: f64,
+    },
     /// Part of the table is outside the picture.
     #[error("the table is cut by the picture's border")]
     CutByFrame,
@@ -94,35 +108,32 @@ pub enum TableFault {
 /// # Errors
 /// [`TableFault`] unless exactly one whole table is visible, and for an invalid picture, lens or side.
 pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<Table, TableFault> {
-    located(frame, lens, side_m, None)
+    if let Some(positions) = &frame.positions {
+        let corners = positions.corners_px.ok_or(TableFault::CornerHidden)?.map(|corner| lens.ideal_from_image(corner));
+        return Table::from_ideal_corners(corners, side_m, lens);
+    }
+    check(frame, lens, side_m)?;
+    Table::from_ideal_corners(corners(frame, lens, QuadShape::SQUARE)?, side_m, lens)
 }
 
-/// As [`locate_table`], with intermediate results: edges and Hough votes are written into `stages` as far as the search
-/// got, table or not, both in the cells of the averaged picture; votes are cast in ideal, undistorted coordinates.
+/// Finds the four corners of a rectangle, `aspect` times as long as high or as high as long, in a picture of a camera
+/// about which nothing is known; clockwise, px.
 ///
 /// # Errors
 /// As [`locate_table`].
-pub fn locate_table_in_stages(
-    frame: &Frame,
-    lens: &Lens,
-    side_m: f64,
-    stages: &mut DebugImages,
-) -> Result<Table, TableFault> {
-    *stages = DebugImages::default();
-    located(frame, lens, side_m, Some(stages))
+pub fn locate_corners(frame: &Frame, aspect: f64) -> Result<[Vec2; 4], TableFault> {
+    let lens = Lens::centered([frame.width, frame.height], 1.0);
+    check(frame, &lens, 1.0)?;
+    corners(frame, &lens, QuadShape::in_perspective(aspect))
 }
 
-fn located(frame: &Frame, lens: &Lens, side_m: f64, mut stages: Option<&mut DebugImages>) -> Result<Table, TableFault> {
-    if let Some(positions) = &frame.positions {
-        let corners = positions.corners_px.ok_or(TableFault::CornerHidden)?.map(|corner| lens.ideal_from_image(corner));
-        return Table::from_ideal_corners(corners, side_m, lens).ok_or(TableFault::NotASquare);
-    }
-    check(frame, lens, side_m)?;
+/// Corners of the one table in ideal coordinates.
+fn corners(frame: &Frame, lens: &Lens, shape: QuadShape) -> Result<[Vec2; 4], TableFault> {
     let Some(sampler) = Sampler::new(frame) else {
         return Err(TableFault::TooSmall { width: frame.width, height: frame.height });
     };
     let bin = (frame.width.min(frame.height) / COARSE_CELLS).max(1);
-    let points = edges(&BinnedImage::of(frame, bin), stages.as_deref_mut().map(|stages| &mut stages.edges));
+    let points = edges(&BinnedImage::of(frame, bin));
     if points.is_empty() {
         return Err(TableFault::NoEdges);
     }
@@ -130,29 +141,19 @@ fn located(frame: &Frame, lens: &Lens, side_m: f64, mut stages: Option<&mut Debu
     let size = Vec2::new(frame.width as f64, frame.height as f64);
     let cell_px = bin as f64;
     let mut ballot = HoughAccumulator::new(&edges, (size - Vec2::repeat(1.0)) / 2.0, size.norm() * 0.6, cell_px);
-    if let Some(stages) = &mut stages {
-        stages.hough = ballot.array();
-    }
-    let (lines, peaks) = strongest_lines(&mut ballot, &edges, cell_px);
-    let quad = choose(&lines, &LineEvidence { lens, sampler: &sampler, frame, edges: &edges, cell_px })?;
-    if let Some(stages) = &mut stages {
-        stages.hough.peaks = quad.lines.iter().filter_map(|&i| peaks.get(i).copied()).collect();
-    }
+    let lines = strongest_lines(&mut ballot, &edges, cell_px);
+    let quad = choose(&lines, shape, &LineEvidence { lens, sampler: &sampler, frame, edges: &edges, cell_px })?;
     let corners = refined_corners(&sampler, lens, &quad, &edges, bin)?;
-    let table = Table::from_ideal_corners(corners, side_m, lens).ok_or(TableFault::NotASquare)?;
-    if !table.corners_px.iter().all(|&corner| sampler.contains(corner, 0.0)) {
-        return Err(TableFault::CutByFrame);
+    if corners.iter().all(|&corner| sampler.contains(lens.image_from_ideal(corner), 0.0)) {
+        Ok(corners)
+    } else {
+        Err(TableFault::CutByFrame)
     }
-    Ok(table)
 }
 
-/// The strongest lines and their peaks, strongest first; the edges of each line are withdrawn from the ballot.
-fn strongest_lines(
-    ballot: &mut HoughAccumulator,
-    edges: &[IdealEdge],
-    cell_px: f64,
-) -> (Vec<DetectedLine>, Vec<(usize, usize)>) {
-    let (mut lines, mut peaks): (Vec<DetectedLine>, Vec<(usize, usize)>) = (Vec::new(), Vec::new());
+/// The strongest lines, strongest first; the edges of each line are withdrawn from the ballot.
+fn strongest_lines(ballot: &mut HoughAccumulator, edges: &[IdealEdge], cell_px: f64) -> Vec<DetectedLine> {
+    let mut lines = Vec::new();
     let mut floor = 0.0;
     while let Some((peak, votes)) = ballot.highest().filter(|(_, votes)| lines.len() < MOST_LINES && *votes >= floor) {
         floor = LEAST_LINE * votes.max(floor / LEAST_LINE);
@@ -160,9 +161,8 @@ fn strongest_lines(
         let (seen, own) = DetectedLine::new(line, edges, near_px(cell_px), 2.0 * cell_px);
         ballot.remove_votes(peak, own.iter().filter_map(|&i| edges.get(i)));
         lines.push(seen);
-        peaks.push(peak);
     }
-    (lines, peaks)
+    lines
 }
 
 /// Largest distance of an edge from its line of the Hough array, px.
@@ -215,7 +215,7 @@ struct LineEvidence<'a> {
 }
 
 /// The one table among the lines, or the reason why there is none.
-fn choose(lines: &[DetectedLine], seen: &LineEvidence) -> Result<Quad, TableFault> {
+fn choose(lines: &[DetectedLine], shape: QuadShape, seen: &LineEvidence) -> Result<Quad, TableFault> {
     let inside = |p: Vec2| seen.sampler.contains(seen.lens.image_from_ideal(p), 0.0);
     let shown = |a: Vec2, b: Vec2| {
         if inside(a) && inside(b) {
@@ -226,9 +226,9 @@ fn choose(lines: &[DetectedLine], seen: &LineEvidence) -> Result<Quad, TableFaul
             / f64::from(steps)
     };
     let least_side_px = (0.08 * seen.frame.width.min(seen.frame.height) as f64).max(16.0);
-    let found = quads(lines, least_side_px, shown);
+    let (found, nearest) = quads(lines, shape, least_side_px, shown);
     let Some(best) = found.first() else {
-        return Err(no_quad(lines, seen));
+        return Err(no_quad(lines, seen, nearest));
     };
     let best = found.iter().find(|other| best.supports(other)).unwrap_or(best);
     if !best.corners.iter().all(|&corner| inside(corner)) {
@@ -242,7 +242,7 @@ fn choose(lines: &[DetectedLine], seen: &LineEvidence) -> Result<Quad, TableFaul
 
 /// Distinguishes a table that leaves the picture from other pictures without a table: two or more of the strongest
 /// lines then run into the picture's border.
-fn no_quad(lines: &[DetectedLine], seen: &LineEvidence) -> TableFault {
+fn no_quad(lines: &[DetectedLine], seen: &LineEvidence, nearest: Option<String>) -> TableFault {
     // No edges are found in the two outermost cells.
     let margin = 0.012 * seen.frame.width.max(seen.frame.height) as f64 + 2.5 * seen.cell_px;
     let leaves = |line: &HoughLine| {
@@ -257,7 +257,7 @@ fn no_quad(lines: &[DetectedLine], seen: &LineEvidence) -> TableFault {
     } else if lines.len() < 4 {
         TableFault::TooFewLines { found: lines.len() }
     } else {
-        TableFault::NotASquare
+        nearest.map_or(TableFault::NotASquare, TableFault::AlmostASquare)
     }
 }
 
@@ -300,14 +300,4 @@ fn from_sides(
         *corner = sides[(i + 3) % 4].meets(&sides[i]).ok_or(TableFault::NotASquare)?;
     }
     Ok(met)
-}
-
-fn name_of(from: Vec2, to: Vec2) -> &'static str {
-    let facing = HoughLine::through(from, to).normal;
-    match (facing.y.abs() >= facing.x.abs(), facing.x < 0.0, facing.y > 0.0) {
-        (true, _, false) => "top",
-        (true, _, true) => "bottom",
-        (false, false, _) => "right",
-        (false, true, _) => "left",
-    }
 }

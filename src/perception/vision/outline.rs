@@ -59,7 +59,8 @@ impl PlateCells {
 /// The plate's outline, `margin_px` within its edge, px.
 fn outline(table: &Table, margin_px: f64) -> Vec<Vec2> {
     let half = table.side_m / 2.0 * (1.0 - 2.0 * margin_px / table.side_px.max(4.0 * margin_px));
-    let corners = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * half);
+    let corners =
+        [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y * table.aspect) * half);
     let along =
         |i: usize, k: usize| corners[i] + (corners[(i + 1) % 4] - corners[i]) * (k as f64 / POINTS_A_SIDE as f64);
     (0..4 * POINTS_A_SIDE).map(|k| table.image_from_table(along(k / POINTS_A_SIDE, k % POINTS_A_SIDE))).collect()

@@ -3,11 +3,28 @@
 use super::hough::{HoughLine, IdealEdge};
 use upm_core::geometry::Vec2;
 
-/// Largest ratio of two sides: a square seen obliquely.
-const SIDE_RATIO: f64 = 1.4;
-/// Largest deviation from parallel, and from square, rad.
-const PARALLEL_RAD: f64 = 0.35;
-const SQUARE_RAD: f64 = 0.4;
+/// Shape of the four lines searched for.
+#[derive(Clone, Copy)]
+pub(super) struct QuadShape {
+    /// Its longer over its shorter sides, seen from above.
+    aspect: f64,
+    /// Largest ratio of two sides beyond that: a square seen obliquely.
+    side_ratio: f64,
+    /// Largest deviation from parallel, and from square, rad.
+    parallel_rad: f64,
+    square_rad: f64,
+}
+
+impl QuadShape {
+    /// A square below a camera that looks straight down, or nearly so.
+    pub(super) const SQUARE: Self = Self { aspect: 1.0, side_ratio: 1.4, parallel_rad: 0.35, square_rad: 0.4 };
+
+    /// A rectangle seen by any camera at up to 25°.
+    pub(super) fn in_perspective(aspect: f64) -> Self {
+        Self { aspect: aspect.max(1.0 / aspect), side_ratio: 1.7, parallel_rad: 0.5, square_rad: 0.5 }
+    }
+}
+
 /// Share of a side that must show an edge, and of all four together.
 const SIDE_SEEN: f64 = 0.3;
 const ALL_SEEN: f64 = 0.55;
@@ -71,19 +88,32 @@ impl DetectedLine {
     }
 }
 
-/// All near-squares whose sides show enough edge, all dark outside or all dark inside, the best seen first.
-/// `shown(a, b)` is the share of the stretch from `a` to `b` within the frame.
-pub(super) fn quads(lines: &[DetectedLine], least_side_px: f64, shown: impl Fn(Vec2, Vec2) -> f64) -> Vec<Quad> {
-    let pairs = parallel_pairs(lines, least_side_px);
-    let mut found = Vec::new();
+/// All quadrangles of that shape whose sides show enough edge, all dark outside or all dark inside, the best seen
+/// first; and what is wrong with the best seen of the others. `shown(a, b)` is the share of the stretch from `a` to `b`
+/// within the frame.
+pub(super) fn quads(
+    lines: &[DetectedLine],
+    shape: QuadShape,
+    least_side_px: f64,
+    shown: impl Fn(Vec2, Vec2) -> f64,
+) -> (Vec<Quad>, Option<String>) {
+    let pairs = parallel_pairs(lines, shape, least_side_px);
+    let (mut found, mut nearest): (Vec<Quad>, Option<Rejected>) = (Vec::new(), None);
     for (i, &first) in pairs.iter().enumerate() {
         for &second in &pairs[i + 1..] {
-            found.extend(quad(lines, first, second, least_side_px, &shown));
+            match quad(lines, shape, [first, second], least_side_px, &shown) {
+                Some(Ok(quad)) => found.push(quad),
+                Some(Err(other)) if nearest.as_ref().is_none_or(|best| other.0 > best.0) => nearest = Some(other),
+                _ => {}
+            }
         }
     }
     found.sort_by(|a, b| b.score_px.total_cmp(&a.score_px).then(a.lines.cmp(&b.lines)));
-    found
+    (found, nearest.map(|(_, fault)| fault))
 }
+
+/// Length seen of a quadrangle that is no table, px, and the reason.
+type Rejected = (f64, String);
 
 impl Quad {
     /// Middle of the four corners.
@@ -107,13 +137,13 @@ impl Quad {
     }
 }
 
-fn parallel_pairs(lines: &[DetectedLine], least_side_px: f64) -> Vec<[usize; 2]> {
+fn parallel_pairs(lines: &[DetectedLine], shape: QuadShape, least_side_px: f64) -> Vec<[usize; 2]> {
     let mut pairs = Vec::new();
     for (i, DetectedLine { line: a, .. }) in lines.iter().enumerate() {
         for (j, DetectedLine { line: b, .. }) in lines.iter().enumerate().skip(i + 1) {
             let cosine = a.normal.dot(&b.normal);
             let apart = (a.offset - cosine.signum() * b.offset).abs();
-            if cosine.abs() > PARALLEL_RAD.cos() && (cosine.abs() < 0.99 || apart > least_side_px / 2.0) {
+            if cosine.abs() > shape.parallel_rad.cos() && (cosine.abs() < 0.99 || apart > least_side_px / 2.0) {
                 pairs.push([i, j]);
             }
         }
@@ -123,14 +153,14 @@ fn parallel_pairs(lines: &[DetectedLine], least_side_px: f64) -> Vec<[usize; 2]>
 
 fn quad(
     lines: &[DetectedLine],
-    first: [usize; 2],
-    second: [usize; 2],
+    shape: QuadShape,
+    [first, second]: [[usize; 2]; 2],
     least_side_px: f64,
     shown: &impl Fn(Vec2, Vec2) -> f64,
-) -> Option<Quad> {
+) -> Option<Result<Quad, Rejected>> {
     let mut around = [first[0], second[0], first[1], second[1]];
     let [a, b, c, d] = around.map(|i| &lines[i].line);
-    if a.normal.dot(&b.normal).abs() > SQUARE_RAD.sin() {
+    if a.normal.dot(&b.normal).abs() > shape.square_rad.sin() {
         return None;
     }
     let mut corners = [d.meets(a)?, a.meets(b)?, b.meets(c)?, c.meets(d)?];
@@ -140,24 +170,29 @@ fn quad(
         around = [around[2], around[1], around[0], around[3]];
     }
     let sides = [0, 1, 2, 3].map(|i| (corners[(i + 1) % 4] - corners[i]).norm());
-    let shortest = sides.iter().fold(f64::INFINITY, |a, &b| a.min(b));
-    let longest = sides.iter().fold(0.0f64, |a, &b| a.max(b));
-    if shortest < least_side_px || longest > SIDE_RATIO * shortest || !is_convex(&corners) {
+    let even = if sides[0] + sides[2] > sides[1] + sides[3] { 0 } else { 1 };
+    let lengths = [0, 1, 2, 3].map(|i| if i % 2 == even { sides[i] / shape.aspect } else { sides[i] });
+    let shortest = (0..4).fold(0, |least, i| if lengths[i] < lengths[least] { i } else { least });
+    let longest = (0..4).fold(0, |most, i| if lengths[i] > lengths[most] { i } else { most });
+    if sides.iter().any(|side| *side < least_side_px) || !is_convex(&corners) {
         return None;
     }
     let visible = [0, 1, 2, 3].map(|i| sides[i] * shown(corners[i], corners[(i + 1) % 4]));
     if (0..4).any(|i| visible[i] < 0.2 * sides[i]) {
         return None;
     }
+    let name = |i: usize| name_of(corners[i], corners[(i + 1) % 4]);
     let seen_as = |bright: bool| {
-        let (mut seen_px, mut loose_px) = (0.0, 0.0);
+        let (mut seen_px, mut loose_px, mut hidden) = (0.0, 0.0, None);
         for i in 0..4 {
             let (from, to) = (corners[i], corners[(i + 1) % 4]);
             let outward = HoughLine::through(from, to).normal * if bright { 1.0 } else { -1.0 };
             let side = &lines[around[i]];
             let seen = side.seen_px(from, to, outward);
             if seen < SIDE_SEEN * visible[i] {
-                return None;
+                let [percent, least] = [seen / visible[i], SIDE_SEEN].map(|share| 100.0 * share);
+                let fault = || format!("{} shows over {percent:.0} % of its length (least {least:.0} %)", name(i));
+                hidden = hidden.or_else(|| Some(fault()));
             }
             seen_px += seen;
             let end = END.max(END_CELLS * side.cell_px / sides[i]).min(0.5);
@@ -165,11 +200,34 @@ fn quad(
             let loose = [near(from, to), near(to, from)].into_iter().filter(|&loose| loose).count();
             loose_px += loose as f64 * SHORT_END_PENALTY * visible[i];
         }
+        let ratio = lengths[longest] / lengths[shortest];
+        let unequal = (ratio > shape.side_ratio).then(|| {
+            let ([longer, shorter], most) = ([longest, shortest].map(name), shape.side_ratio);
+            format!("{longer} and {shorter} are {ratio:.2} to 1 (most {most})")
+        });
         let visible_px = visible.iter().sum::<f64>();
-        let score_px = seen_px - UNSEEN * (visible_px - seen_px) - loose_px;
-        (seen_px > ALL_SEEN * visible_px).then_some(Quad { lines: around, corners, bright, score_px })
+        let few = || (seen_px <= ALL_SEEN * visible_px).then(|| "too little shows".to_owned());
+        match hidden.or(unequal).or_else(few) {
+            Some(fault) => Err((seen_px, fault)),
+            None => {
+                let score_px = seen_px - UNSEEN * (visible_px - seen_px) - loose_px;
+                Ok(Quad { lines: around, corners, bright, score_px })
+            }
+        }
     };
-    seen_as(true).or_else(|| seen_as(false))
+    let of_both = |bright: Rejected| seen_as(false).map_err(|dark| if dark.0 > bright.0 { dark } else { bright });
+    Some(seen_as(true).or_else(of_both))
+}
+
+/// Name of the side from one corner to the next, clockwise.
+pub(super) fn name_of(from: Vec2, to: Vec2) -> &'static str {
+    let facing = HoughLine::through(from, to).normal;
+    match (facing.y.abs() >= facing.x.abs(), facing.x < 0.0, facing.y > 0.0) {
+        (true, _, false) => "top",
+        (true, _, true) => "bottom",
+        (false, false, _) => "right",
+        (false, true, _) => "left",
+    }
 }
 
 fn is_convex(corners: &[Vec2; 4]) -> bool {
@@ -208,7 +266,7 @@ mod tests {
         scene.0.swap(0, 2);
         scene.0.swap(1, 2);
         let lines = seen(&scene);
-        let found = &quads(&lines, 40.0, |_, _| 1.0)[0];
+        let found = &quads(&lines, QuadShape::SQUARE, 40.0, |_, _| 1.0).0[0];
         for i in 0..4 {
             let line = lines[found.lines[i]].line;
             assert!(line.distance(found.corners[i]).abs() < 1e-9);

@@ -1,6 +1,6 @@
 use nalgebra::{Matrix3, Vector3};
 
-use super::Table;
+use super::{Table, TableFault};
 use upm_core::geometry::{Homography, Lens, Vec2};
 
 /// Corners of the square from -1 to 1 in the order of [`Table::corners_px`], y up.
@@ -11,33 +11,55 @@ const UNIT_CORNERS: [(f64, f64); 4] = [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1
 const UNEQUAL_SIDES: f64 = 0.004;
 const SKEW: f64 = 0.008;
 
+/// Shortest and longest focal length of a camera about which nothing is known, in longer sides of the picture.
+const FOCAL_RANGE: [f64; 2] = [0.4, 8.0];
+
 impl Table {
-    /// Table from its corners in ideal image coordinates, px, clockwise from any of them. The table frame is turned so
-    /// that its x axis is within 45° of the image's. `None` when the four corners cannot be the image of a plane in
+    /// Square table from its corners in ideal image coordinates, px, clockwise from any of them. The table frame is
+    /// turned so that its x axis is within 45° of the image's.
+    ///
+    /// # Errors
+    /// [`TableFault::NotASquare`] and [`TableFault::Skewed`] when the four corners cannot be the image of a square in
     /// front of the camera.
-    pub fn from_ideal_corners(corners: [Vec2; 4], side_m: f64, lens: &Lens) -> Option<Self> {
+    pub fn from_ideal_corners(corners: [Vec2; 4], side_m: f64, lens: &Lens) -> Result<Self, TableFault> {
+        Self::of_rectangle(corners, [side_m; 2], lens, [UNEQUAL_SIDES, SKEW])
+    }
+
+    /// As [`Self::from_ideal_corners`], for a rectangle of these sides, along x and along y. `most_off`: tolerances of
+    /// half the relative difference of the sides, and of the cosine of their angle.
+    ///
+    /// # Errors
+    /// As [`Self::from_ideal_corners`].
+    pub fn of_rectangle(
+        corners: [Vec2; 4],
+        [side_m, height_m]: [f64; 2],
+        lens: &Lens,
+        most_off: [f64; 2],
+    ) -> Result<Self, TableFault> {
         let corners = upright(corners);
         let unit = UNIT_CORNERS.map(|(x, y)| Vec2::new(x, y));
-        let ideal_from_unit = Homography::from_corners(unit, corners)?;
-        let unit_from_table = Matrix3::from_diagonal(&Vector3::new(2.0 / side_m, 2.0 / side_m, 1.0));
+        let ideal_from_unit = Homography::from_corners(unit, corners).ok_or(TableFault::NotASquare)?;
+        let unit_from_table = Matrix3::from_diagonal(&Vector3::new(2.0 / side_m, 2.0 / height_m, 1.0));
         let ideal_from_table = Homography::new(ideal_from_unit.matrix() * unit_from_table);
-        let table_from_ideal = ideal_from_table.inverse()?;
-        let camera_in_table_m = camera_in_table(&ideal_from_table, lens)?;
+        let table_from_ideal = ideal_from_table.inverse().ok_or(TableFault::NotASquare)?;
+        let camera_in_table_m = camera_in_table(&ideal_from_table, lens, most_off)?;
         let corners_px = corners.map(|corner| lens.image_from_ideal(corner));
         let side_px = (0..4).map(|i| (corners_px[(i + 1) % 4] - corners_px[i]).norm()).sum::<f64>() / 4.0;
         let right = ideal_from_table.jacobian_at(Vec2::zeros()) * Vec2::x();
         let rotation_rad = (-right.y).atan2(right.x);
         let finite = side_px.is_finite() && rotation_rad.is_finite() && camera_in_table_m.iter().all(|x| x.is_finite());
-        finite.then_some(Self {
+        let table = Self {
             corners_px,
             side_px,
             rotation_rad,
             side_m,
+            aspect: height_m / side_m,
             lens: *lens,
             table_from_ideal,
             ideal_from_table,
             camera_in_table_m,
-        })
+        };
+        if finite { Ok(table) } else { Err(TableFault::NotASquare) }
     }
 
     /// Point of the plate's plane, m, at an image point, px.
@@ -77,7 +99,8 @@ impl Table {
 
     /// True when `p_m` is on the plate, `margin_m` or more inside its edge.
     pub fn holds(&self, p_m: Vec2, margin_m: f64) -> bool {
-        p_m.amax() <= self.side_m / 2.0 - margin_m
+        let half_m = self.side_m / 2.0;
+        p_m.x.abs() <= half_m - margin_m && p_m.y.abs() <= half_m * self.aspect - margin_m
     }
 }
 
@@ -88,21 +111,51 @@ fn upright(corners: [Vec2; 4]) -> [Vec2; 4] {
     turned.iter().fold(corners, |best, &next| if rightward(&next) > rightward(&best) { next } else { best })
 }
 
-/// The camera's centre from the columns `K⁻¹ H = λ [r1 r2 t]` of a plane's homography (Zhang, 2000). `None` when the
-/// plate is not square for a camera of that focal length, to within `UNEQUAL_SIDES` and `SKEW`.
-fn camera_in_table(ideal_from_table: &Homography, lens: &Lens) -> Option<Vector3<f64>> {
+/// The camera's centre from the columns `K⁻¹ H = λ [r1 r2 t]` of a plane's homography (Zhang, 2000). An error when the
+/// plate is no rectangle for a camera of that focal length, to within `most_off`.
+fn camera_in_table(ideal_from_table: &Homography, lens: &Lens, most_off: [f64; 2]) -> Result<Vector3<f64>, TableFault> {
     let (f, c) = (lens.focal_px, lens.principal_px);
     let k_inverse = Matrix3::new(1.0 / f, 0.0, -c.x / f, 0.0, 1.0 / f, -c.y / f, 0.0, 0.0, 1.0);
     let columns = k_inverse * ideal_from_table.matrix();
     let (r1, r2, t) = (columns.column(0), columns.column(1), columns.column(2));
     let scale = (r1.norm() + r2.norm()) / 2.0 * t.z.signum();
     let (r1, r2, t) = (r1 / scale, r2 / scale, t / scale);
-    if !((r1.norm() - 1.0).abs() < UNEQUAL_SIDES && r1.dot(&r2).abs() < SKEW) {
-        return None;
+    if !((r1.norm() - 1.0).abs() < most_off[0] && r1.dot(&r2).abs() < most_off[1]) {
+        let (ratio, angle_deg) = (r1.norm() / r2.norm(), r1.angle(&r2).to_degrees());
+        return Err(TableFault::Skewed { ratio, angle_deg });
     }
     let rotation = Matrix3::from_columns(&[r1, r2, r1.cross(&r2)]);
     let svd = rotation.svd(true, true);
-    let camera_from_table = svd.u? * svd.v_t?;
-    let camera = -camera_from_table.transpose() * t;
-    (camera.z > 0.0).then_some(camera)
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Err(TableFault::NotASquare) };
+    let camera = -(u * v_t).transpose() * t;
+    if camera.z > 0.0 { Ok(camera) } else { Err(TableFault::NotASquare) }
+}
+
+/// Focal length, px, of the camera that sees a rectangle, `aspect` times as high as wide, with its corners there, and
+/// the share of it that the picture determines, 0 to 1. Zhang's two conditions, `r1·r2 = 0` and `|r1| = |r2|`, are
+/// linear in one over its square; without a tilt they say nothing, and for corners known to `sd_px` the solution is
+/// pulled to `expected_px` as far as they leave it open.
+pub fn focal_from_corners(
+    corners: [Vec2; 4],
+    aspect: f64,
+    [expected_px, sd_px]: [f64; 2],
+    lens: &Lens,
+) -> Option<(f64, f64)> {
+    /// Relative error of a column of the homography from one of a corner.
+    const COLUMN: f64 = 1.4;
+    let unit = UNIT_CORNERS.map(|(x, y)| Vec2::new(x, y * aspect));
+    let h = *Homography::from_corners(unit, upright(corners).map(|corner| corner - lens.principal_px))?.matrix();
+    let square = (h.fixed_view::<2, 2>(0, 0).norm_squared() / 2.0).max(f64::MIN_POSITIVE);
+    let [a, b, c, d] = [
+        (h.m11 * h.m12 + h.m21 * h.m22) / square,
+        (h.m11 * h.m11 + h.m21 * h.m21 - h.m12 * h.m12 - h.m22 * h.m22) / (2.0 * square),
+        h.m31 * h.m32,
+        (h.m31 * h.m31 - h.m32 * h.m32) / 2.0,
+    ];
+    let loose = (COLUMN * sd_px).powi(2) / square;
+    let per_focal = |focal_px: f64| square / focal_px.powi(2);
+    let solution = (loose * per_focal(expected_px) - a * c - b * d) / (loose + a * a + b * b);
+    let [least, most] = FOCAL_RANGE.map(|share| per_focal(share * 2.0 * lens.principal_px.amax()));
+    let focal_px = (square / solution.clamp(most, least)).sqrt();
+    focal_px.is_finite().then_some((focal_px, (a * a + b * b) / (loose + a * a + b * b)))
 }

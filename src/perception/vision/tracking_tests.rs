@@ -162,7 +162,7 @@ proptest! {
     ) {
         let corners = [0, 2, 4, 6].map(|i| Vec2::new(corners[i], corners[i + 1]));
         let lens = Lens { radial: [-0.2, 0.05], ..Lens::ideal(150.0, Vec2::new(60.0, 60.0)) };
-        let Some(table) = Table::from_ideal_corners(corners, SIDE_M, &lens) else { return Ok(()) };
+        let Ok(table) = Table::from_ideal_corners(corners, SIDE_M, &lens) else { return Ok(()) };
         let kinds: Vec<PartKind> =
             radii.iter().map(|&radius_m| PartKind { name: String::new(), radius_m, thickness_m: radius_m / 5.0 }).collect();
         let mut frame = Frame::new(size[0], size[1]);

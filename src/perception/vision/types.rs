@@ -11,8 +11,10 @@ pub struct Table {
     pub side_px: f64,
     /// Rotation of the table's x axis from the image's, rad, counter-clockwise, within ±π/4.
     pub rotation_rad: f64,
-    /// Side of the plate, m.
+    /// Side of the plate, m; of a rectangle the one along x.
     pub side_m: f64,
+    /// Height of the plate over its side: 1 for a square.
+    pub aspect: f64,
     /// Lens of the camera.
     pub lens: Lens,
     /// Table coordinates (m) of ideal image coordinates (px).
@@ -56,21 +58,6 @@ pub struct DetectedDisc {
     pub outline_share: f64,
     /// Sharpness of that edge, 0 to 1: low where a soft shadow, a glow or a blur hides the rim.
     pub crispness: f64,
-    /// Gray level of its face as a fraction of the bare plate's there.
-    pub level: f64,
-    /// Covariance of the middle, px².
-    pub covariance_px2: Matrix2<f64>,
-}
-
-/// All round objects on a plate, and the contrast of its darkest and its lightest place.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Survey {
-    /// Discs sorted from the top of the picture to the bottom.
-    pub discs: Vec<DetectedDisc>,
-    /// Level of the darkest place of a small disc's size, as a fraction of the bare plate's.
-    pub darkest: f64,
-    /// Level of the lightest such place, as a fraction of the bare plate's.
-    pub lightest: f64,
 }
 
 /// A part tracked from frame to frame; it keeps its index in the list.
@@ -80,41 +67,4 @@ pub struct Track {
     pub seen: Detection,
     /// Frames since that detection; 0 when the newest frame shows it.
     pub frames_unseen: u32,
-}
-
-/// A gray picture of floats, for inspection of intermediate results.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct FloatImage {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// `width * height` values, row by row.
-    pub values: Vec<f32>,
-}
-
-/// Votes over lines: the line `x cos a + y sin a = distance` about the image centre, y down.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct HoughArray {
-    /// Columns: angles, evenly over [0, 2π) so that the two directions of an edge's gradient stay apart.
-    pub angles: usize,
-    /// Rows: distances, starting at 0.
-    pub distances: usize,
-    /// Pixels of distance per row.
-    pub px_per_row: f64,
-    /// `angles * distances` votes, row by row.
-    pub votes: Vec<f32>,
-    /// The peaks taken as the table's four sides: column and row.
-    pub peaks: Vec<(usize, usize)>,
-}
-
-/// Intermediate results of the localisation, for inspection.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct DebugImages {
-    /// Edge strength where an edge was found, else 0.
-    pub edges: FloatImage,
-    /// Hough votes of those edges.
-    pub hough: HoughArray,
-    /// Response of the first kind's disk kernel over the whole frame, relative to the strongest one of any kind.
-    pub disk_response: FloatImage,
 }

@@ -212,25 +212,48 @@ pub struct RenderArgs {
 /// `upm locate`.
 #[derive(Args, Debug)]
 pub struct LocateArgs {
-    /// Pictures: PNG, JPEG, PNM or TIFF, gray or colour, 8 or 16 bits
+    /// Pictures: PNG, JPEG, BMP, PNM or TIFF, gray or colour, 8 or 16 bits
     #[arg(value_name = "IMAGE", required = true)]
     pub images: Vec<PathBuf>,
-    /// Rig file; without it coins on a table of any size, no lens distortion
+    /// Rig file with plate, kinds and lens
     #[arg(long, value_name = "RIG.json")]
     pub rig: Option<PathBuf>,
-    /// Kinds to look for: penny, nickel, dime, quarter or the rig's own. Without it all of them
+    /// Round parts that there are: us, eu, uk, jp or a file like configs/coins/eu.json
+    #[arg(long, value_name = "SET", default_value = "us", conflicts_with = "rig")]
+    pub coins: String,
+    /// Kinds to look for. Without it all of the set or the rig
     #[arg(long, value_name = "KIND,...", value_delimiter = ',')]
     pub kinds: Vec<String>,
-    /// Side of the square plate, mm [default: derived from the sizes of two kinds of coins, else 203.2]
+    /// Side of the square plate, mm [default: derived from the sizes of two kinds of parts, else 203.2]
     #[arg(long, value_name = "MM", conflicts_with = "rig", allow_negative_numbers = true)]
     pub plate_side_mm: Option<f64>,
-    /// Parts are lighter than the plate, as white ones on black
-    #[arg(long, conflicts_with = "rig")]
-    pub light_parts: bool,
-    /// Draw the stages into this folder: picture, edges, Hough votes, disk response, overlay; with several pictures,
-    /// into subfolders 1, 2 and so on
+    /// The plate is a rectangle of these sides, mm, as 297x210
+    #[arg(long, value_name = "WxH", conflicts_with_all = ["rig", "plate_side_mm"])]
+    pub rectangle: Option<String>,
+    /// Corners of the plate in the picture, px, one after the other around it
+    #[arg(long, value_name = "X,Y", num_args = 4)]
+    pub corners: Option<Vec<String>>,
+    /// The plane of the parts: the plate that is found, or the whole picture, taken from straight above
+    #[arg(long, value_enum, default_value = "found", conflicts_with_all = ["corners", "rectangle", "rig", "plate_side_mm"])]
+    pub plate: PlateInPicture,
+    /// Scale of the picture in the middle of the plane, as 12.3px/mm
+    #[arg(long, value_name = "SCALE", conflicts_with_all = ["rig", "plate_side_mm", "rectangle"])]
+    pub scale: Option<String>,
+    /// One part that gives the scale: its kind, and its place in the picture, px, as quarter@812,440
+    #[arg(long, value_name = "KIND[@X,Y]", conflicts_with_all = ["rig", "plate_side_mm", "rectangle", "scale"])]
+    pub scale_from: Option<String>,
+    /// Draw plate, parts and other discs over each picture, into this folder
     #[arg(long, value_name = "DIR")]
-    pub stages: Option<PathBuf>,
+    pub overlay: Option<PathBuf>,
+}
+
+/// Where the plane of the parts is in a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum PlateInPicture {
+    /// A plate with four sides in view
+    Found,
+    /// Everywhere
+    Whole,
 }
 
 /// Reads a recording mode; refuses one whose recordings cannot be made.

@@ -1,14 +1,12 @@
-//! `upm locate`: table and parts in picture files.
+//! `upm locate`: plane and parts in picture files.
 
-mod doubts;
 mod naming;
-mod panels;
+mod overlay;
 mod picture;
 mod report;
 mod scale;
 mod search;
 mod setup;
-mod tone;
 
 use serde_json::json;
 
@@ -17,31 +15,27 @@ use super::output::{Failure, print_json};
 use search::locate_picture;
 use setup::LocateSetup;
 
-/// Runs `upm locate`. Exit status: 0 if all pictures show table and parts, else the worst of any picture.
+/// Runs `upm locate`. Exit status: 0 if all pictures show plane and parts, else the worst of any picture.
 pub(super) fn locate(args: &LocateArgs, common: Common) -> Result<u8, Failure> {
     let setting = LocateSetup::of(args)?;
     let several = args.images.len() > 1;
     let mut worst = 0;
-    for (index, image) in args.images.iter().enumerate() {
-        // a subfolder where there are several pictures
-        let stages = args.stages.clone();
-        let stages = stages.map(|folder| if several { folder.join((index + 1).to_string()) } else { folder });
-        let made = locate_picture(image, stages.as_deref(), &setting).and_then(|located| {
-            let kinds: Vec<&str> = located.found.detections.iter().map(|part| setting.kind_name(part.kind)).collect();
-            let written = stages.map_or(Ok(Vec::new()), |folder| panels::write(&folder, &located.found, &kinds))?;
-            Ok((written, located))
+    for image in &args.images {
+        let made = locate_picture(image, &setting).and_then(|located| {
+            let drawn = args.overlay.as_ref().map(|folder| overlay::write(folder, image, &located, &setting));
+            Ok((drawn.transpose()?, located))
         });
         match made {
             Ok((_, located)) if common.json && several => {
                 report::print_line(image, report::as_json(&located, &setting))?;
             }
             Ok((_, located)) if common.json => print_json(&report::as_json(&located, &setting))?,
-            Ok((written, located)) => {
+            Ok((drawn, located)) => {
                 if several {
                     outln!("{}", image.display())?;
                 }
                 report::print_located(&located, &setting)?;
-                written.iter().try_for_each(|path| outln!("written: {}", path.display()))?;
+                drawn.into_iter().try_for_each(|path| outln!("written: {}", path.display()))?;
             }
             Err(failure) => {
                 if common.json && several {

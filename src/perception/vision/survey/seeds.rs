@@ -1,77 +1,70 @@
 //! Candidates for the middles of discs: the edges of an averaged picture vote for them along their gradients.
 
-use super::relative::Relative;
+use super::super::Table;
+use super::super::binned::BinnedImage;
+use super::super::edges::{EdgePoint, steepest_edges};
 use upm_core::geometry::Vec2;
 
 /// Radii voted for: least, cells, and largest as a fraction of the rectangle's shorter side.
 const LEAST_RADIUS: f64 = 6.0;
 const LARGEST_SHARE: f64 = 0.17;
-/// Least steepness of an edge, in multiples of the median cell's and absolute, as a fraction of the plate's level per
-/// cell.
-const OVER_MEDIAN: f32 = 4.0;
-const FAINTEST: f32 = 0.012;
-/// Fewest votes of a middle, over a square of 3 by 3 cells.
-const LEAST_VOTES: u16 = 24;
+/// Share of the cells among whose gradients the steepest edges are taken.
+const STEEPEST: f64 = 0.25;
+/// Directions that are counted apart: the sides of squares fill four, an arc all.
+const SECTORS: usize = 8;
+/// Least sum of the directions' roots of votes for a middle, over a square of 3 by 3 cells. Roots of counts scatter
+/// alike everywhere.
+const LEAST_VOTES: f32 = 10.0;
 /// Most places tried.
-const MOST_PEAKS: usize = 200;
+const MOST_PEAKS: usize = 1000;
 /// Share of a circle that edges must cover for its radius to become a seed.
-const LEAST_COVER: f64 = 0.35;
+const LEAST_COVER: f64 = 0.25;
 /// Least cosine between an edge's gradient and the radius of the circle it belongs to.
 const ALONG_RADIUS: f64 = 0.9;
+/// Distance of edges from the plate's sides, cells.
+const OFF_SIDES: f64 = 2.5;
 /// Distance within which edges belong to a measured circle, cells; all edges inside it do.
 const OWN: f64 = 1.6;
-/// Most edges kept, the steepest.
-const MOST_EDGES: usize = 8_000;
-
-/// A candidate disc.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Seed {
-    pub(super) cell: Vec2,
-    pub(super) radius_cells: f64,
-}
-
-/// A place on the crest of a gradient.
-#[derive(Clone, Copy)]
-struct Edge {
-    at: Vec2,
-    /// Unit vector along the gradient.
-    along: Vec2,
-    steepness: f32,
-}
 
 /// Edges not yet attributed to a disc, and the middles they vote for.
 pub(super) struct Votes {
     width: usize,
-    edges: Vec<Edge>,
+    /// Positions in cells.
+    edges: Vec<EdgePoint>,
     radii: (f64, f64),
     /// Places by votes, most votes last.
-    peaks: Vec<(u16, usize)>,
-    /// Untried radii of the last place examined.
-    pending: Vec<Seed>,
+    peaks: Vec<(f32, usize)>,
 }
 
 impl Votes {
-    pub(super) fn of(picture: &Relative) -> Self {
-        let (width, height) = (picture.width, picture.height);
+    pub(super) fn of(picture: &BinnedImage, table: &Table) -> Self {
+        let (width, height, bin) = (picture.width, picture.height, picture.bin as f64);
         let largest = (LARGEST_SHARE * width.min(height) as f64).max(LEAST_RADIUS + 1.0);
-        let edges = edges(picture);
-        let mut votes = Self { width, edges, radii: (LEAST_RADIUS, largest), peaks: Vec::new(), pending: Vec::new() };
+        let mut edges = steepest_edges(picture, STEEPEST);
+        let margin_m = OFF_SIDES * bin / table.mean_px_per_m();
+        edges.retain(|edge| table.holds(table.table_from_image(edge.at_px), margin_m));
+        for edge in &mut edges {
+            edge.at_px = (edge.at_px - picture.frame_from_cell(Vec2::zeros())) / bin;
+        }
+        let mut votes = Self { width, edges, radii: (LEAST_RADIUS, largest), peaks: Vec::new() };
         votes.peaks = peaks(&votes.cast(height), width);
         votes
     }
 
-    /// Votes of all edges, cell by cell.
-    fn cast(&self, height: usize) -> Vec<u16> {
-        let mut votes = vec![0u16; self.width * height];
+    /// Votes of all edges, by cell and direction.
+    fn cast(&self, height: usize) -> Vec<[u8; SECTORS]> {
+        let mut votes = vec![[0u8; SECTORS]; self.width * height];
         let (least, largest) = self.radii;
         for edge in &self.edges {
             for side in [1.0, -1.0] {
-                let step = edge.along * side;
-                let mut at = edge.at + step * least;
+                let step = edge.outward * side;
+                let turn = step.y.atan2(step.x) / std::f64::consts::TAU + 1.0;
+                let sector = (turn * SECTORS as f64).round() as usize % SECTORS;
+                let mut at = edge.at_px + step * least;
                 for _ in 0..(largest - least) as usize {
                     let (x, y) = ((at.x + 0.5) as usize, (at.y + 0.5) as usize);
                     if at.x > 0.0 && at.y > 0.0 && x < self.width && y < height {
-                        let vote = &mut votes[y * self.width + x];
+                        let vote = &mut votes[y * self.width + x][sector];
                         *vote = vote.saturating_add(1);
                     }
                     at += step;
@@ -81,55 +74,49 @@ impl Votes {
         votes
     }
 
-    /// The next candidate disc among the edges that are left.
-    pub(super) fn next_seed(&mut self) -> Option<Seed> {
-        loop {
-            if let Some(seed) = self.pending.pop() {
-                return Some(seed);
-            }
-            let (_, cell) = self.peaks.pop()?;
-            let cell = Vec2::new((cell % self.width) as f64, (cell / self.width) as f64);
-            self.pending = self.radii_about(cell);
-        }
+    /// The next likely middle, in cells.
+    pub(super) fn next_middle(&mut self) -> Option<Vec2> {
+        let (_, cell) = self.peaks.pop()?;
+        Some(Vec2::new((cell % self.width) as f64, (cell / self.width) as f64))
     }
 
-    /// Radii about a place with enough edges, those with most last.
-    fn radii_about(&self, cell: Vec2) -> Vec<Seed> {
+    /// Radii about a place with enough of the edges that are left, at most two, the one with most first.
+    pub(super) fn radii_about(&self, cell: Vec2) -> Vec<f64> {
         let mut counts = vec![0.0f64; self.radii.1 as usize + 3];
         for edge in &self.edges {
-            let off = edge.at - cell;
+            let off = edge.at_px - cell;
             let radius = off.norm();
-            if radius < self.radii.1 + 1.0 && off.dot(&edge.along).abs() > ALONG_RADIUS * radius {
+            if radius < self.radii.1 + 1.0 && off.dot(&edge.outward).abs() > ALONG_RADIUS * radius {
                 counts[radius.round() as usize] += 1.0;
             }
         }
-        let cover = |k: usize| (counts[k - 1] + counts[k] + counts[k + 1]) / (std::f64::consts::TAU * k as f64);
-        let mut found: Vec<(f64, Seed)> = Vec::new();
-        for k in LEAST_RADIUS as usize..counts.len() - 1 {
-            let is_peak = counts[k] >= counts[k - 1] && counts[k] > counts[k + 1];
-            if is_peak && cover(k) > LEAST_COVER {
-                found.push((cover(k), Seed { cell, radius_cells: k as f64 }));
-            }
-        }
-        found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        found.into_iter().rev().take(2).rev().map(|(_, seed)| seed).collect()
+        let cover = |k: &usize| counts[k - 1..=k + 1].iter().sum::<f64>() / (std::f64::consts::TAU * *k as f64);
+        let is_peak = |k: &usize| counts[*k] >= counts[k - 1] && counts[*k] > counts[k + 1];
+        let all = LEAST_RADIUS as usize..counts.len() - 1;
+        let mut found: Vec<usize> = all.filter(|k| is_peak(k) && cover(k) > LEAST_COVER).collect();
+        found.sort_by(|a, b| cover(b).total_cmp(&cover(a)));
+        found.into_iter().take(2).map(|k| k as f64).collect()
     }
 
     /// Withdraws the edges on and within a measured disc.
     pub(super) fn remove_votes(&mut self, cell: Vec2, radius_cells: f64) {
-        self.edges.retain(|edge| (edge.at - cell).norm() > radius_cells + OWN);
-        self.pending.clear();
+        self.edges.retain(|edge| (edge.at_px - cell).norm() > radius_cells + OWN);
     }
 }
 
 /// Cells with more votes around them than any neighbour has, most last.
-fn peaks(votes: &[u16], width: usize) -> Vec<(u16, usize)> {
+fn peaks(votes: &[[u8; SECTORS]], width: usize) -> Vec<(f32, usize)> {
     let height = votes.len() / width.max(1);
-    let mut around = vec![0u16; votes.len()];
+    let mut around = vec![0.0f32; votes.len()];
     for y in 1..height.saturating_sub(1) {
         for x in 1..width.saturating_sub(1) {
-            let rows = [y - 1, y, y + 1].map(|row| &votes[row * width + x - 1..][..3]);
-            around[y * width + x] = rows.into_iter().flatten().fold(0, |sum, &n| sum.saturating_add(n));
+            let mut sums = [0u16; SECTORS];
+            for row in [y - 1, y, y + 1] {
+                for cell in &votes[row * width + x - 1..][..3] {
+                    sums.iter_mut().zip(cell).for_each(|(sum, &n)| *sum += u16::from(n));
+                }
+            }
+            around[y * width + x] = sums.iter().map(|&sum| f32::from(sum).sqrt()).sum();
         }
     }
     let mut found = Vec::new();
@@ -146,54 +133,7 @@ fn peaks(votes: &[u16], width: usize) -> Vec<(u16, usize)> {
             }
         }
     }
-    found.sort_unstable();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     found.drain(..found.len().saturating_sub(MOST_PEAKS));
-    found
-}
-
-/// Crests of the gradient (Scharr's), steepest among their neighbours along it.
-fn edges(picture: &Relative) -> Vec<Edge> {
-    let (width, height) = (picture.width, picture.height);
-    if width < 5 || height < 5 {
-        return Vec::new();
-    }
-    let at = |i: usize| picture.values[i];
-    let mut slopes = vec![[0.0f32; 2]; width * height];
-    let mut steepness = vec![0.0f32; width * height];
-    for y in 1..height - 1 {
-        for i in y * width + 1..(y + 1) * width - 1 {
-            let [up, down] = [i - width, i + width];
-            let x = 3.0 * (at(up + 1) - at(up - 1) + at(down + 1) - at(down - 1)) + 10.0 * (at(i + 1) - at(i - 1));
-            let y = 3.0 * (at(down - 1) - at(up - 1) + at(down + 1) - at(up + 1)) + 10.0 * (at(down) - at(up));
-            slopes[i] = [x / 32.0, y / 32.0];
-            steepness[i] = (x * x + y * y).sqrt() / 32.0;
-        }
-    }
-    let mut some: Vec<f32> = steepness.iter().copied().step_by(7).collect();
-    let median = some.len() / 2;
-    let median = *some.select_nth_unstable_by(median, f32::total_cmp).1;
-    let least = (OVER_MEDIAN * median).max(FAINTEST);
-    let mut found = Vec::new();
-    for y in 2..height - 2 {
-        for i in y * width + 2..(y + 1) * width - 2 {
-            if steepness[i] < least {
-                continue;
-            }
-            let [x, dy] = slopes[i];
-            let across = x.abs() >= dy.abs();
-            let step = if across { 1 } else { width };
-            let (before, here, after) = (steepness[i - step], steepness[i], steepness[i + step]);
-            if here >= before && here > after {
-                let off = f64::from(0.5 * (after - before) / (2.0 * here - after - before));
-                let shift = if across { Vec2::new(off, 0.0) } else { Vec2::new(0.0, off) };
-                let along = Vec2::new(f64::from(x), f64::from(dy)) / f64::from(here);
-                found.push(Edge { at: Vec2::new((i % width) as f64, y as f64) + shift, along, steepness: here });
-            }
-        }
-    }
-    if found.len() > MOST_EDGES {
-        found.sort_by(|a, b| b.steepness.total_cmp(&a.steepness));
-        found.truncate(MOST_EDGES);
-    }
     found
 }

@@ -6,7 +6,7 @@ use std::io::{self, Cursor, Read};
 use std::path::Path;
 
 use image::metadata::Orientation;
-use image::{ColorType, DynamicImage, GrayImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
+use image::{ColorType, DynamicImage, GrayImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use crate::cli::output::Failure;
 use upm_core::signal::Frame;
@@ -25,19 +25,20 @@ const END_OF_IMAGE: [u8; 2] = [0xFF, 0xD9];
 #[derive(Debug)]
 pub(super) struct InputPicture {
     pub frame: Frame,
-    /// For a 16-bit picture, the number of significant bits assumed.
-    pub bits: Option<u32>,
-    /// Colours; `None` for a gray picture.
-    pub colors: Option<RgbImage>,
+    /// Focal length that the file states, in longer sides of the picture.
+    pub focal_sides: Option<f64>,
 }
 
 pub(super) fn read(path: &Path) -> Result<InputPicture, Failure> {
     let refuse = |found: String| {
-        Failure::bad_input(format!("{}: expected a picture (PNG, JPEG, PNM or TIFF), found {found}", path.display()))
+        Failure::bad_input(format!(
+            "{}: expected a picture (PNG, JPEG, BMP, PNM or TIFF), found {found}",
+            path.display()
+        ))
     };
     let unread = |error: io::Error| {
         let (path, why) = (path.display(), reason(&error));
-        Failure::bad_input(format!("cannot read {path}: {why}; expected a picture (PNG, JPEG, PNM or TIFF)"))
+        Failure::bad_input(format!("cannot read {path}: {why}; expected a picture (PNG, JPEG, BMP, PNM or TIFF)"))
     };
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(unread)?;
@@ -53,7 +54,7 @@ pub(super) fn read(path: &Path) -> Result<InputPicture, Failure> {
 pub(super) fn decode(bytes: &[u8]) -> Result<InputPicture, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(no_picture)?;
     let format = reader.format().filter(ImageFormat::reading_enabled);
-    let format = format.ok_or(if bytes.is_empty() { "an empty file" } else { "none of these" })?;
+    let format = format.ok_or_else(|| unreadable(bytes))?;
     if format == ImageFormat::Jpeg && !is_whole_jpeg(bytes) {
         return Err("a JPEG picture that ends too early".into());
     }
@@ -68,15 +69,15 @@ pub(super) fn decode(bytes: &[u8]) -> Result<InputPicture, String> {
     if matches!(decoder.color_type(), ColorType::Rgb32F | ColorType::Rgba32F) {
         return Err("levels of 32 bits, more than 16".into());
     }
+    let focal_sides = decoder.exif_metadata().ok().flatten().and_then(|exif| focal_sides(&exif));
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(no_picture)?;
     picture.apply_orientation(orientation);
-    let colors = colors(&picture);
-    let (gray, bits) = gray(picture)?;
+    let gray = gray(picture)?;
     let mut frame = Frame::new(0, 0);
     (frame.width, frame.height) = (gray.width() as usize, gray.height() as usize);
     frame.pixels = gray.into_raw();
-    Ok(InputPicture { frame, bits, colors })
+    Ok(InputPicture { frame, focal_sides })
 }
 
 /// True when the JPEG picture that `bytes` begin with is not truncated: the decoder fills what is missing with gray and
@@ -99,31 +100,34 @@ fn no_picture(error: impl Display) -> String {
     format!("no picture that can be read ({error})")
 }
 
-/// Colours of a picture, `None` if it is gray: differences of a few levels are noise.
-fn colors(picture: &DynamicImage) -> Option<RgbImage> {
-    const EVERY: usize = 61;
-    const COLORFUL: u8 = 32;
-    const LEAST_SHARE: usize = 500;
-    let colors = picture.color().has_color().then(|| picture.to_rgb8())?;
-    let spread = |rgb: &[u8; 3]| rgb.iter().max().zip(rgb.iter().min()).map_or(0, |(most, least)| most - least);
-    let (pixels, _) = colors.as_raw().as_chunks::<3>();
-    let colorful = pixels.iter().step_by(EVERY).filter(|rgb| spread(rgb) >= COLORFUL).count();
-    (colorful > pixels.len() / EVERY / LEAST_SHARE).then_some(colors)
+/// Description of bytes that are no picture that can be read.
+fn unreadable(bytes: &[u8]) -> String {
+    match image::guess_format(bytes) {
+        _ if bytes.is_empty() => "an empty file".to_owned(),
+        _ if bytes.get(4..8) == Some(b"ftyp".as_slice()) => "an AVIF or HEIC picture".to_owned(),
+        Ok(format) => format!("a {format:?} picture"),
+        Err(_) => "none of these".to_owned(),
+    }
+}
+
+/// Focal length in longer sides of the picture, by the Exif entry of the equivalent on 35 mm film (36 mm wide).
+fn focal_sides(exif: &[u8]) -> Option<f64> {
+    const FILM_MM: f64 = 36.0;
+    let exif = exif::Reader::new().read_raw(exif.to_vec()).ok()?;
+    let focal_mm = exif.get_field(exif::Tag::FocalLengthIn35mmFilm, exif::In::PRIMARY)?.value.get_uint(0)?;
+    Some(f64::from(focal_mm) / FILM_MM).filter(|sides| (0.2..20.0).contains(sides))
 }
 
 /// Luminance in 8 bits; transparent pixels become black, like the ground around a plate.
-fn gray(image: DynamicImage) -> Result<(GrayImage, Option<u32>), String> {
+fn gray(image: DynamicImage) -> Result<GrayImage, String> {
     let (width, height, color) = (image.width(), image.height(), image.color());
-    let (pixels, bits) = match color {
-        ColorType::L8 | ColorType::Rgb8 => (image.into_luma8().into_raw(), None),
-        ColorType::La8 | ColorType::Rgba8 => {
-            (over_black(image).iter().map(|&level| (level / 257) as u8).collect(), None)
-        }
+    let pixels = match color {
+        ColorType::L8 | ColorType::Rgb8 => return Ok(image.into_luma8()),
+        ColorType::La8 | ColorType::Rgba8 => over_black(image).iter().map(|&level| (level / 257) as u8).collect(),
         ColorType::L16 | ColorType::Rgb16 | ColorType::La16 | ColorType::Rgba16 => narrowed(&over_black(image)),
         _ => return Err(format!("{color:?} pixels")),
     };
-    let gray = GrayImage::from_raw(width, height, pixels).ok_or("fewer pixels than the picture has room for")?;
-    Ok((gray, bits))
+    GrayImage::from_raw(width, height, pixels).ok_or("fewer pixels than the picture has room for".to_owned())
 }
 
 /// Levels of 16 bits, composed over black.
@@ -135,12 +139,12 @@ fn over_black(image: DynamicImage) -> Vec<u16> {
 
 /// 16-bit levels in 8 bits. Cameras with 10 or 12 bits often use the low bits only, so white is the largest number of
 /// the fewest bits, 8, 10, 12, 14 or 16, that hold the brightest pixel.
-fn narrowed(levels: &[u16]) -> (Vec<u8>, Option<u32>) {
+fn narrowed(levels: &[u16]) -> Vec<u8> {
     let brightest = levels.iter().copied().max().unwrap_or(0);
     let bits = [8, 10, 12, 14].into_iter().find(|&bits| brightest >> bits == 0).unwrap_or(16);
     let white = (1u32 << bits) - 1;
     let narrow = |&level: &u16| ((u32::from(level) * 255 + white / 2) / white) as u8;
-    (levels.iter().map(narrow).collect(), Some(bits))
+    levels.iter().map(narrow).collect()
 }
 
 #[cfg(test)]

@@ -1,108 +1,70 @@
-//! Report of a picture's table and parts, as JSON and as text.
+//! Report of a picture's plane and parts, as JSON and as text.
 
 use std::path::Path;
 
-use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::doubts::{about_others, about_side, no_parts_message, suggestion};
-use super::naming::{NamedPart, OtherDisc, RejectionReason};
-use super::scale::PlateSide;
-use super::setup::LocateSetup;
+use super::naming::{NamedPart, OtherDisc};
+use super::scale::{PictureScale, ScaleSource};
+use super::search::LocatedPicture;
+use super::setup::{LocateSetup, Plane};
 use crate::cli::output::Failure;
-use upm_core::signal::Frame;
+use upm_core::document::counted;
+use upm_core::rig::PartKind;
 use upm_core::units::mm_from_m;
-use upm_perception::vision::{DebugImages, Detection, Survey, Table};
 
-/// Table and parts found in a picture.
-pub(super) struct Localised {
-    pub frame: Frame,
-    pub table: Table,
-    pub detections: Vec<Detection>,
-    /// The intermediate stages of the search.
-    pub stages: DebugImages,
-}
-
-/// Result of the search of one picture.
-pub(super) struct LocatedPicture {
-    pub found: Localised,
-    pub time_us: TimeUs,
-    /// The parts of `found`, with the doubts about each.
-    pub parts: Vec<NamedPart>,
-    /// Discs that are not parts.
-    pub others: Vec<OtherDisc>,
-    pub survey: Survey,
-    pub side: PlateSide,
-}
-
-/// Wall times of one picture, µs.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct TimeUs {
-    /// Time to read and decode the file.
-    pub decode: f64,
-    pub table: f64,
-    /// Time to find the parts, all preparation included.
-    pub parts: f64,
-    /// Time to find discs of any size, measure outlines and name them.
-    pub survey: f64,
-}
+/// Relative difference in diameter below which discs are grouped.
+const ONE_SIZE: f64 = 0.03;
 
 pub(super) fn as_json(located: &LocatedPicture, setting: &LocateSetup) -> Value {
-    let LocatedPicture { found: Localised { table, .. }, time_us, side, survey, .. } = located;
+    let LocatedPicture { table, scale, time_us, .. } = located;
     let parts: Vec<Value> = located.parts.iter().map(|named| part_json(named, setting)).collect();
     let others: Vec<Value> = located.others.iter().map(|other| other_json(other, setting)).collect();
-    let candidates = side.candidates.iter().map(
-        |candidate| json!({ "side_mm": mm_from_m(candidate.side_m), "kinds": setting.known_names(&candidate.kinds) }),
-    );
     json!({
         "table": {
             "corners_px": table.corners_px.map(|corner| [corner.x, corner.y]),
             "side_px": table.side_px,
             "rotation_deg": table.rotation_rad.to_degrees(),
+            "focal_px": table.lens.focal_px,
         },
         "plate": {
-            "side_mm": mm_from_m(side.side_m),
-            "source": side.source,
-            "candidates": candidates.collect::<Vec<_>>(),
+            "side_mm": mm_from_m(table.side_m),
+            "height_mm": mm_from_m(table.side_m * table.aspect),
+            "source": scale.source,
+            "doubt": scale.doubt,
         },
         "parts": parts,
         "others": others,
-        "contrast": { "darkest": survey.darkest, "lightest": survey.lightest },
         "time_us": time_us,
     })
 }
 
-fn part_json(NamedPart { part, diameter_m, doubts }: &NamedPart, setting: &LocateSetup) -> Value {
-    let [[xx, xy], [_, yy]] = part.covariance_px2.into();
+fn part_json(part: &NamedPart, setting: &LocateSetup) -> Value {
     json!({
-        "kind": setting.kind_name(part.kind),
-        "center_px": [part.center_px.x, part.center_px.y],
-        "radius_px": part.radius_px,
-        "position_mm": [mm_from_m(part.position_m.x), mm_from_m(part.position_m.y)],
-        "diameter_mm": mm_from_m(*diameter_m),
+        "kind": setting.known[part.kind].name,
+        "center_px": [part.disc.center_px.x, part.disc.center_px.y],
+        "radius_px": part.disc.radius_px,
+        "position_mm": [mm_from_m(part.foot_m.x), mm_from_m(part.foot_m.y)],
+        "diameter_mm": 2.0 * mm_from_m(part.disc.radius_m),
         "score": part.score,
-        "doubts": doubts,
-        "covariance_px2": [[xx, xy], [xy, yy]],
+        "doubts": part.doubts,
     })
 }
 
-fn other_json(OtherDisc { disc, why }: &OtherDisc, setting: &LocateSetup) -> Value {
-    let (why_code, kind) = match why {
-        RejectionReason::NotLookedFor { kind } => ("not_looked_for", Some(kind)),
-        RejectionReason::OtherPolarity { kind } => ("other_polarity", kind.as_ref()),
-        RejectionReason::Unclear { kind } => ("unclear", Some(kind)),
-        RejectionReason::UnknownSize => ("unknown_size", None),
-    };
+fn other_json(other @ OtherDisc { disc, like }: &OtherDisc, setting: &LocateSetup) -> Value {
     json!({
         "diameter_mm": 2.0 * mm_from_m(disc.radius_m),
         "center_px": [disc.center_px.x, disc.center_px.y],
         "radius_px": disc.radius_px,
         "position_mm": [mm_from_m(disc.at_m.x), mm_from_m(disc.at_m.y)],
-        "level": disc.level,
         "outline_share": disc.outline_share,
-        "reason": why_code,
-        "like": kind,
-        "option": suggestion(why, setting),
+        "reason": match like {
+            None => "unknown_size",
+            Some(kind) if setting.wanted[*kind] => "unclear",
+            Some(_) => "not_looked_for",
+        },
+        "like": like.map(|kind| &setting.known[kind].name),
+        "option": option_for(other, setting),
     })
 }
 
@@ -116,35 +78,68 @@ pub(super) fn print_line(image: &Path, value: Value) -> Result<(), Failure> {
 }
 
 pub(super) fn print_located(located: &LocatedPicture, setting: &LocateSetup) -> Result<(), Failure> {
-    let LocatedPicture { found: Localised { table, .. }, time_us, parts, .. } = located;
-    outln!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees())?;
-    for (name, corner) in ["top left", "top right", "bottom right", "bottom left"].iter().zip(table.corners_px) {
-        outln!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;
+    let LocatedPicture { table, scale, time_us, parts, others, .. } = located;
+    if !matches!(setting.plane, Plane::Whole) {
+        outln!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees())?;
+        for (name, corner) in ["top left", "top right", "bottom right", "bottom left"].iter().zip(table.corners_px) {
+            outln!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;
+        }
     }
-    about_side(&located.side).into_iter().try_for_each(|line| outln!("{line}"))?;
+    let [side_mm, height_mm] = [1.0, table.aspect].map(|share| mm_from_m(share * table.side_m));
+    about_scale(scale, [side_mm, height_mm]).into_iter().try_for_each(|line| outln!("{line}"))?;
     outln!("parts: {}", parts.len())?;
-    for NamedPart { part, doubts, .. } in parts {
-        let (name, at) = (setting.kind_name(part.kind), part.position_m * 1e3);
-        let (radius, score) = (part.radius_px, part.score);
+    for NamedPart { disc, kind, foot_m, score, doubts } in parts {
+        let (name, at, radius) = (&setting.known[*kind].name, foot_m * 1e3, disc.radius_px);
         let doubts = if doubts.is_empty() { String::new() } else { format!(": {}", doubts.join(", ")) };
         outln!("  {name:12} ({:8.2}, {:8.2}) mm   radius {radius:.2} px   score {score:.3}{doubts}", at.x, at.y)?;
     }
     if parts.is_empty() {
-        outln!("{}", no_parts_message(&located.others, &located.survey))?;
+        outln!("no parts: {} found", counted(others.len(), "disc"))?;
     }
-    about_others(&located.others, setting).into_iter().try_for_each(|line| outln!("{line}"))?;
-    let TimeUs { decode, table, parts, survey } = time_us;
-    let [decode, table, parts, survey] = [decode, table, parts, survey].map(|us| us / 1e3);
-    outln!(
-        "found: {} in {:.1} ms (table {table:.1}, parts {parts:.1}, survey {survey:.1}); decoded in {decode:.1} ms",
-        counted(located, setting),
-        table + parts + survey
-    )
+    about_others(others, setting).into_iter().try_for_each(|line| outln!("{line}"))?;
+    let [decode, table, parts] = [time_us.decode, time_us.table, time_us.parts].map(|us| us / 1e3);
+    outln!("time: decoding {decode:.1} ms, table {table:.1} ms, parts {parts:.1} ms")
 }
 
-/// Summary with every kind that was looked for: `a table, 3 penny, 1 dime`.
-fn counted(located: &LocatedPicture, setting: &LocateSetup) -> String {
-    let count = |i| located.found.detections.iter().filter(|part| part.kind == i).count();
-    let counts = setting.kinds.iter().enumerate().map(|(i, kind)| format!(", {} {}", count(i), kind.name));
-    format!("a table{}", counts.collect::<String>())
+/// Basis of the scale where neither the command line nor a rig gives it.
+fn about_scale(scale: &PictureScale, [side_mm, height_mm]: [f64; 2]) -> Option<String> {
+    let basis = match scale.source {
+        ScaleSource::Given | ScaleSource::Rig => return None,
+        ScaleSource::Part => ", from the part named",
+        ScaleSource::Parts | ScaleSource::TwoKinds => ", from the ratio of the parts' sizes",
+        ScaleSource::Assumed => " assumed; --plate-side-mm, --scale or --scale-from gives it",
+    };
+    let doubt = scale.doubt.as_ref().map_or(String::new(), |doubt| format!("; {doubt}"));
+    Some(format!("plate: {side_mm:.1} x {height_mm:.1} mm{basis}{doubt}"))
+}
+
+/// One line for each group of similar discs that are not parts.
+fn about_others(others: &[OtherDisc], setting: &LocateSetup) -> Vec<String> {
+    let mut sorted: Vec<&OtherDisc> = others.iter().collect();
+    sorted.sort_by(|a, b| a.disc.radius_m.total_cmp(&b.disc.radius_m));
+    let alike = |a: &&OtherDisc, b: &&OtherDisc| a.like == b.like && b.disc.radius_m / a.disc.radius_m - 1.0 < ONE_SIZE;
+    sorted.chunk_by(alike).filter_map(|group| about(group, setting)).collect()
+}
+
+fn about(group: &[&OtherDisc], setting: &LocateSetup) -> Option<String> {
+    let middle = group.get(group.len() / 2)?;
+    let size = format!("{} of {:.1} mm", counted(group.len(), "disc"), 2.0 * mm_from_m(middle.disc.radius_m));
+    let name = |kind: usize| &setting.known[kind].name;
+    Some(match (middle.like, option_for(middle, setting)) {
+        (Some(kind), Some(option)) => format!("{size}: {}? use {option}", name(kind)),
+        (Some(kind), None) => format!("{size}: {}? size or rim do not fit well enough to say", name(kind)),
+        (None, _) => {
+            let known = |kind: &PartKind| format!("{} {:.2}", kind.name, 2.0 * mm_from_m(kind.radius_m));
+            let known: Vec<String> = setting.known.iter().map(known).collect();
+            format!("{size}: no known kind ({})", known.join(", "))
+        }
+    })
+}
+
+/// Command line option with which such a disc would be named.
+fn option_for(other: &OtherDisc, setting: &LocateSetup) -> Option<String> {
+    let like = other.like.filter(|kind| !setting.wanted[*kind])?;
+    let named = (0..setting.known.len()).filter(|kind| setting.wanted[*kind]).chain([like]);
+    let names: Vec<&str> = named.map(|kind| setting.known[kind].name.as_str()).collect();
+    Some(format!("--kinds {}", names.join(",")))
 }

@@ -1,99 +1,216 @@
-//! Search of one picture for table, parts and other discs.
+//! Search of one picture: plane, discs, scale, names.
 
 use std::path::Path;
 
-use super::doubts::about_table;
-use super::naming::{is_near, named};
-use super::report::{Localised, LocatedPicture, TimeUs};
-use super::scale::{PlateSide, SideSource};
-use super::setup::LocateSetup;
-use super::{panels, picture};
+use serde::Serialize;
+
+use super::naming::{NamedPart, OtherDisc, named};
+use super::picture;
+use super::scale::{AGREE, PictureScale, ScaleFit, ScaleSource, Sizes};
+use super::setup::{LocateSetup, Plane, Scale};
 use crate::cli::output::Failure;
+use upm_core::geometry::{Lens, Vec2};
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
+use upm_core::units::INCH_M;
 use upm_perception::vision::{
-    CoinFinder, DebugImages, Survey, Table, TableFault, locate_table, locate_table_in_stages, survey,
+    DetectedDisc, Table, TableFault, focal_from_corners, locate_corners, locate_table, survey,
 };
 
-/// Reads the picture at `image`, finds the table and the discs on it and names them; keeps the stages if they are to be
-/// drawn into `stages`. If no table is found, the stages up to there are drawn nevertheless.
-pub(super) fn locate_picture(
-    image: &Path,
-    stages: Option<&Path>,
-    setting: &LocateSetup,
-) -> Result<LocatedPicture, Failure> {
+/// Side of the papers' plate, m: of a plate without a scale.
+const PAPERS_SIDE_M: f64 = 8.0 * INCH_M;
+/// Focal length of a camera about which nothing is known, in longer sides of the picture, and the deviation of such a
+/// guess and of what a picture file says, relative.
+const FOCAL_SIDES: f64 = 1.0;
+const GUESS_SD: f64 = 0.6;
+const FILE_SD: f64 = 0.05;
+/// Standard deviation of corners that were found, and of those that a person gave, px.
+const FOUND_SD_PX: f64 = 0.15;
+const GIVEN_SD_PX: f64 = 3.0;
+/// Tolerances of a rectangle, as of [`Table::of_rectangle`].
+const FOUND_OFF: [f64; 2] = [0.01, 0.02];
+const GIVEN_OFF: [f64; 2] = [0.2, 0.3];
+
+/// Result of the search of one picture.
+pub(super) struct LocatedPicture {
+    pub frame: Frame,
+    pub table: Table,
+    pub scale: PictureScale,
+    pub parts: Vec<NamedPart>,
+    /// Discs that are not parts.
+    pub others: Vec<OtherDisc>,
+    pub time_us: TimeUs,
+}
+
+/// Wall times of one picture, µs.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct TimeUs {
+    /// Time to read and decode the file.
+    pub decode: f64,
+    pub table: f64,
+    /// Time to find discs, measure, scale and name them.
+    pub parts: f64,
+}
+
+/// The plane of the parts, of a provisional size where its scale is not known.
+struct SeenPlane {
+    table: Table,
+    /// Relative deviation of the focal length.
+    focal_sd: f64,
+}
+
+/// Reads the picture at `image`, finds the plane and the discs on it, scales and names them.
+pub(super) fn locate_picture(image: &Path, setting: &LocateSetup) -> Result<LocatedPicture, Failure> {
     let clock = MonotonicClock::new();
     let picture = picture::read(image)?;
     let decoded = clock.elapsed();
-    if let Some(bits) = picture.bits {
-        tracing::info!("{}: 16-bit picture; using {bits} significant bits", image.display());
+    let frame = picture.frame;
+    let failed = |why: String| Failure::failed(format!("{}: {why}", image.display()));
+    if let Some(rig) = setting.rig.as_ref().filter(|rig| rig.frame_size_px != [frame.width, frame.height]) {
+        let ([width, height], name) = (rig.frame_size_px, &rig.name);
+        let found = format!("found {}x{} px", frame.width, frame.height);
+        let wanted = format!("expected {width}x{height} px from the camera of rig {name}, {found}");
+        return Err(Failure::bad_input(format!("{}: {wanted}", image.display())));
     }
-    let (frame, colors) = (picture.frame, picture.colors);
-    let mut images = DebugImages::default();
-    let table = find_table(&frame, setting, stages.map(|_| &mut images))
-        .map_err(|fault| Failure::bad_input(format!("{}: {fault}", image.display())))?;
-    if let (Err(_), Some(folder)) = (&table, stages) {
-        panels::write_begun(folder, &frame, &images)?;
-    }
-    let table = table.map_err(|fault| Failure::failed(format!("{}: {}", image.display(), about_table(&fault))))?;
+    let plane = seen_plane(&frame, setting, picture.focal_sides).map_err(|fault| failed(about_table(&fault)))?;
     let found = clock.elapsed();
-    let (table, side, surveyed) = scaled(table, &frame, setting);
-    let scaled = clock.elapsed();
-    let size = [frame.width, frame.height];
-    let mut finder = CoinFinder::new(&table, size, &setting.kinds, setting.dark_parts);
-    let detections = finder.find(&frame);
-    let done = clock.elapsed();
-    // discs that only the part finder found are measured as well
-    let is_whole = detections.iter().all(|part| surveyed.discs.iter().any(|disc| is_near(part, disc)));
-    let survey = if is_whole { surveyed } else { survey(&frame, &table, &detections) };
-    let (parts, others) = named(detections, &survey, &table, setting, side.source, colors.as_ref());
-    if stages.is_some() {
-        images.disk_response = finder.response();
-    }
-    let [decode, table_time, parts_time, survey_time] =
-        [decoded, found - decoded, done - scaled, clock.elapsed() - done + (scaled - found)]
-            .map(|time| 1e6 * time.as_secs_f64());
-    let time_us = TimeUs { decode, table: table_time, parts: parts_time, survey: survey_time };
-    let detections = parts.iter().map(|named| named.part.clone()).collect();
-    let found = Localised { frame, table, detections, stages: images };
-    Ok(LocatedPicture { found, time_us, parts, others, survey, side })
+    let discs = survey(&frame, &plane.table);
+    let (table, discs, scale) = scaled(plane, discs, setting).map_err(failed)?;
+    let (parts, others) = named(&discs, &table, setting, &scale);
+    let [decode, table_time, parts_time] =
+        [decoded, found - decoded, clock.elapsed() - found].map(|time| 1e6 * time.as_secs_f64());
+    let time_us = TimeUs { decode, table: table_time, parts: parts_time };
+    Ok(LocatedPicture { frame, table, scale, parts, others, time_us })
 }
 
-/// Finds the table through the rig's lens, or through the first of several lenses that makes it a square.
-fn find_table(
-    frame: &Frame,
-    setting: &LocateSetup,
-    mut stages: Option<&mut DebugImages>,
-) -> Result<Result<Table, TableFault>, String> {
-    let mut first = None;
-    for lens in setting.lenses(frame)? {
-        let table = match &mut stages {
-            Some(stages) => locate_table_in_stages(frame, &lens, setting.assumed_side_m(), stages),
-            None => locate_table(frame, &lens, setting.assumed_side_m()),
-        };
-        match table {
-            Err(fault @ TableFault::NotASquare) => first = first.or(Some(fault)),
-            table => return Ok(table),
+/// The plane through the rig's lens, or through one that follows from the plate's corners.
+fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) -> Result<SeenPlane, TableFault> {
+    let picture_px = [frame.width, frame.height];
+    let size_m = if let Scale::Size(size_m) = setting.scale { size_m } else { [PAPERS_SIDE_M; 2] };
+    let (corners, most_off, sd_px) = match (&setting.plane, &setting.rig) {
+        (Plane::Whole, _) => {
+            // from so far that parts show no height
+            let lens = Lens::centered(picture_px, 1e6);
+            let [width, height] = picture_px.map(|length| length as f64);
+            let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
+            let corners = corners.map(|corner| Vec2::from(corner) - Vec2::repeat(0.5));
+            let size_m = [size_m[0], size_m[0] * height / width];
+            return Ok(SeenPlane { table: Table::of_rectangle(corners, size_m, &lens, GIVEN_OFF)?, focal_sd: 0.0 });
         }
-    }
-    Ok(Err(first.unwrap_or(TableFault::NotASquare)))
+        (Plane::Found, Some(rig)) => {
+            return Ok(SeenPlane { table: locate_table(frame, &rig.lens, size_m[0])?, focal_sd: 0.0 });
+        }
+        (Plane::Found, None) => (locate_corners(frame, size_m[0] / size_m[1])?, FOUND_OFF, FOUND_SD_PX),
+        (Plane::Corners(corners), _) => (in_turn(*corners), GIVEN_OFF, GIVEN_SD_PX),
+    };
+    let size_m = as_it_lies(corners, size_m);
+    let (lens, focal_sd) = match &setting.rig {
+        Some(rig) => (rig.lens, 0.0),
+        None => {
+            let expected = Lens::centered(picture_px, focal_sides.unwrap_or(FOCAL_SIDES));
+            let known = focal_from_corners(corners, size_m[1] / size_m[0], [expected.focal_px, sd_px], &expected);
+            let (focal_px, share) = known.ok_or(TableFault::NotASquare)?;
+            let sd = if focal_sides.is_some() { FILE_SD } else { GUESS_SD };
+            (Lens { focal_px, ..expected }, sd * (1.0 - share))
+        }
+    };
+    let ideal = corners.map(|corner| lens.ideal_from_image(corner));
+    Ok(SeenPlane { table: Table::of_rectangle(ideal, size_m, &lens, most_off)?, focal_sd })
 }
 
-/// The table with the given side or the one estimated from its discs, the source of that side, and the discs.
-fn scaled(table: Table, frame: &Frame, setting: &LocateSetup) -> (Table, PlateSide, Survey) {
-    let mut survey = survey(frame, &table, &[]);
-    if let Some((side_m, source)) = setting.plate_side {
-        return (table, PlateSide::known(side_m, source), survey);
-    }
-    let side = PlateSide::from_discs(&survey.discs, table.side_m, &setting.known);
-    let factor = side.side_m / table.side_m;
-    let corners = table.corners_px.map(|corner| table.lens.ideal_from_image(corner));
-    let Some(table) = Table::from_ideal_corners(corners, side.side_m, &table.lens) else {
-        let side = PlateSide::known(table.side_m, SideSource::Assumed);
-        return (table, side, survey);
+/// Corners in the order in which they go round clockwise as the picture is seen.
+fn in_turn(corners: [Vec2; 4]) -> [Vec2; 4] {
+    let middle = corners.iter().sum::<Vec2>() / 4.0;
+    let mut corners = corners;
+    corners.sort_by(|a, b| (a - middle).y.atan2((a - middle).x).total_cmp(&(b - middle).y.atan2((b - middle).x)));
+    corners
+}
+
+/// Sides along x and along y: the longer one is the one that looks longer.
+fn as_it_lies(corners: [Vec2; 4], [a, b]: [f64; 2]) -> [f64; 2] {
+    let [first, second] = [0, 1].map(|i| [i, i + 2].map(|k| corners[(k + 1) % 4] - corners[k]));
+    let length = |sides: [Vec2; 2]| sides[0].norm() + sides[1].norm();
+    let first_is_x = (first[0] - first[1]).x.abs() >= (first[0] - first[1]).y.abs();
+    let x_is_longer = (length(first) >= length(second)) == first_is_x;
+    if x_is_longer == (a >= b) { [a, b] } else { [b, a] }
+}
+
+/// The table with its scale, the discs in it, and the source of the scale.
+fn scaled(
+    SeenPlane { table, focal_sd }: SeenPlane,
+    discs: Vec<DetectedDisc>,
+    setting: &LocateSetup,
+) -> Result<(Table, Vec<DetectedDisc>, PictureScale), String> {
+    let sizes = Sizes { table: &table, discs: &discs, kinds: &setting.known, focal_sd };
+    let side_m = table.side_m;
+    let same = ScaleFit::of(1.0);
+    let sure = |source| PictureScale { source, doubt: None };
+    let (fit, scale) = match &setting.scale {
+        Scale::Size(_) if setting.rig.is_some() => (same, sure(ScaleSource::Rig)),
+        Scale::Size(_) => (sizes.refocused(), sure(ScaleSource::Given)),
+        Scale::PxPerM(px_per_m) => {
+            (ScaleFit::of(table.px_per_m_at(Vec2::zeros()) / px_per_m), sure(ScaleSource::Given))
+        }
+        Scale::Part(kind, Some(at_px)) => {
+            let off = |disc: &&DetectedDisc| (disc.center_px - at_px).norm() / disc.radius_px;
+            let disc = discs.iter().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|disc| off(disc) < 1.0);
+            let disc =
+                disc.ok_or_else(|| format!("--scale-from: no disc at {},{}; {}", at_px.x, at_px.y, places(&discs)))?;
+            (ScaleFit::of(sizes.of_part(disc, &setting.known[*kind])), sure(ScaleSource::Part))
+        }
+        Scale::Part(kind, None) => match <[ScaleFit; 1]>::try_from(sizes.scales(Some(*kind))) {
+            Ok([fit]) => (fit, sure(ScaleSource::Part)),
+            Err(_) => {
+                let name = &setting.known[*kind].name;
+                return Err(format!("--scale-from: which disc is the {name}? {}", places(&discs)));
+            }
+        },
+        Scale::Unknown => {
+            let fits = sizes.scales(None);
+            match fits.as_slice() {
+                [fit] if fit.kinds.len() >= 2 => {
+                    let source = if fit.kinds.len() > 2 { ScaleSource::Parts } else { ScaleSource::TwoKinds };
+                    let off = format!("the parts differ by {:.1} % from any one scale", 100.0 * fit.off);
+                    (fit.clone(), PictureScale { doubt: (fit.off > AGREE).then_some(off), ..sure(source) })
+                }
+                _ => {
+                    let doubt = Some("no two kinds of parts determine it".to_owned());
+                    (same, PictureScale { source: ScaleSource::Assumed, doubt })
+                }
+            }
+        }
     };
-    for disc in &mut survey.discs {
-        (disc.at_m, disc.radius_m) = (disc.at_m * factor, disc.radius_m * factor);
-    }
-    (table, side, survey)
+    let lens = Lens { focal_px: table.lens.focal_px * fit.focal, ..table.lens };
+    let size_m = [1.0, table.aspect].map(|share| share * side_m * fit.factor);
+    let corners = table.corners_px.map(|corner| lens.ideal_from_image(corner));
+    let table = Table::of_rectangle(corners, size_m, &lens, GIVEN_OFF).map_err(|fault| fault.to_string())?;
+    let of_scale = |disc: DetectedDisc| {
+        let (at_m, radius_m) = (disc.at_m * fit.factor, disc.radius_m * fit.factor);
+        DetectedDisc { at_m, radius_m, ..disc }
+    };
+    Ok((table, discs.into_iter().map(of_scale).collect(), scale))
+}
+
+/// Places of discs, as `--scale-from` takes them.
+fn places(discs: &[DetectedDisc]) -> String {
+    const MOST: usize = 12;
+    let at = |disc: &DetectedDisc| format!("{:.0},{:.0}", disc.center_px.x, disc.center_px.y);
+    let places: Vec<String> = discs.iter().take(MOST).map(at).collect();
+    if places.is_empty() { "no disc was found".to_owned() } else { format!("discs are at {}", places.join(" ")) }
+}
+
+/// Fault of the table search, with what a person can do.
+fn about_table(fault: &TableFault) -> String {
+    let remedy = match fault {
+        TableFault::NoEdges
+        | TableFault::TooFewLines { .. }
+        | TableFault::NotASquare
+        | TableFault::AlmostASquare(_)
+        | TableFault::CutByFrame
+        | TableFault::SideHidden { .. } => "--corners gives its corners, --plate whole takes the picture as the plane",
+        TableFault::Skewed { .. } => "--rectangle WxH gives its sides, --corners its corners",
+        TableFault::MoreThanOne => "crop the picture to one",
+        _ => return fault.to_string(),
+    };
+    format!("{fault}; {remedy}")
 }

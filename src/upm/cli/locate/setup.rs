@@ -1,106 +1,119 @@
-//! Plate, parts and camera assumed in a search.
+//! Facts known before a search: plane, scale, kinds of parts and camera.
 
-use super::scale::SideSource;
-use crate::cli::args::LocateArgs;
+use crate::cli::args::{LocateArgs, PlateInPicture};
 use crate::cli::output::Failure;
-use upm_core::geometry::Lens;
+use upm_core::geometry::Vec2;
 use upm_core::rig::{PartKind, RigModel};
-use upm_core::signal::Frame;
-use upm_core::units::{INCH_M, m_from_mm};
-use upm_runner::config::{KindSpec, RigSpec, one_of};
+use upm_core::units::m_from_mm;
+use upm_runner::config::{RigSpec, coin_set, one_of};
 
 /// Longest side of a plate, mm.
 const MOST_SIDE_MM: f64 = 1e5;
 
-/// Side of the papers' plate, m.
-const PAPERS_SIDE_M: f64 = 8.0 * INCH_M;
-/// Focal lengths tried without a rig, in longer sides of the picture: from a distant camera, which sees all parts from
-/// straight above, to a telephone's.
-const FOCAL_SIDES: [f64; 4] = [4.0, 2.0, 1.2, 0.8];
+/// Where the plane of the parts is in the picture.
+pub(super) enum Plane {
+    /// Inside four lines that are to be found.
+    Found,
+    /// Between these corners, px.
+    Corners([Vec2; 4]),
+    /// Everywhere.
+    Whole,
+}
 
-/// Plate, parts and camera of a search.
+/// Scale as far as it is known.
+pub(super) enum Scale {
+    Unknown,
+    /// Sides of the plate, m.
+    Size([f64; 2]),
+    PxPerM(f64),
+    /// A part of this kind, an index into the known kinds, and its place, px.
+    Part(usize, Option<Vec2>),
+}
+
+/// Plane, scale, parts and camera of a search.
 pub(super) struct LocateSetup {
-    /// The plate's side, m, and its source; `None` if neither the command line nor the rig gives it.
-    pub plate_side: Option<(f64, SideSource)>,
-    /// Kinds to look for.
-    pub kinds: Vec<PartKind>,
+    pub plane: Plane,
+    pub scale: Scale,
     /// All kinds with a name.
     pub known: Vec<PartKind>,
-    pub dark_parts: bool,
-    /// The rig, with the size and the lens of its camera.
-    rig: Option<RigModel>,
+    /// True for each that is looked for.
+    pub wanted: Vec<bool>,
+    pub rig: Option<RigModel>,
 }
 
 impl LocateSetup {
-    /// Setting of the rig file, or of the papers' table with the changes of the options.
+    /// Facts from the options and the rig file.
     pub(super) fn of(args: &LocateArgs) -> Result<Self, Failure> {
-        let Some(path) = &args.rig else { return Self::without_rig(args) };
-        let RigSpec { model, kinds, .. } = RigSpec::load(path).map_err(Failure::of_files)?;
-        Ok(Self {
-            plate_side: Some((model.plate_side_m, SideSource::Rig)),
-            kinds: chosen(&args.kinds, &kinds)?,
-            known: chosen(&[], &kinds)?,
-            dark_parts: model.dark_parts,
-            rig: Some(model),
-        })
-    }
-
-    fn without_rig(args: &LocateArgs) -> Result<Self, Failure> {
-        let plate_side = match args.plate_side_mm {
-            None => None,
-            Some(side_mm) if side_mm > 0.0 && side_mm <= MOST_SIDE_MM => Some((m_from_mm(side_mm), SideSource::Given)),
-            Some(side_mm) => {
-                let allowed = format!("a length above 0, up to {MOST_SIDE_MM} mm");
-                return Err(Failure::bad_input(format!("--plate-side-mm: expected {allowed}, found {side_mm}")));
+        let (known, rig) = match &args.rig {
+            None => (coin_set(&args.coins).map_err(Failure::of_files)?, None),
+            Some(path) => {
+                let RigSpec { model, kinds, .. } = RigSpec::load(path).map_err(Failure::of_files)?;
+                (kinds.into_iter().filter(|kind| kind.can_be_seen()).map(|spec| spec.kind).collect(), Some(model))
             }
         };
-        let coins = RigSpec::upm_1().map_err(Failure::faults)?.kinds;
-        let (kinds, known) = (chosen(&args.kinds, &coins)?, chosen(&[], &coins)?);
-        Ok(Self { plate_side, kinds, known, dark_parts: !args.light_parts, rig: None })
-    }
-
-    pub(super) fn has_rig(&self) -> bool {
-        self.rig.is_some()
-    }
-
-    /// Names of some of the known kinds.
-    pub(super) fn known_names(&self, kinds: &[usize]) -> Vec<&str> {
-        kinds.iter().filter_map(|&kind| self.known.get(kind)).map(|kind| kind.name.as_str()).collect()
-    }
-
-    /// The plate's side, m; the papers' if it is unknown.
-    pub(super) fn assumed_side_m(&self) -> f64 {
-        self.plate_side.map_or(PAPERS_SIDE_M, |(side_m, _)| side_m)
-    }
-
-    /// Name of the kind with this index.
-    pub(super) fn kind_name(&self, kind: usize) -> &str {
-        self.kinds.get(kind).map_or("?", |kind| kind.name.as_str())
-    }
-
-    /// Lenses through which `frame` may have been taken, the most likely first: the rig's, or ideal ones.
-    pub(super) fn lenses(&self, frame: &Frame) -> Result<Vec<Lens>, String> {
-        let Some(rig) = &self.rig else {
-            let lens = |focal_sides| Lens::centered([frame.width, frame.height], focal_sides);
-            return Ok(FOCAL_SIDES.map(lens).into());
-        };
-        let [width, height] = rig.frame_size_px;
-        if [frame.width, frame.height] != [width, height] {
-            let (found, rig) = (format!("{}x{} px", frame.width, frame.height), &rig.name);
-            return Err(format!("expected {width}x{height} px from the camera of rig {rig}, found {found}"));
+        let mut wanted = vec![args.kinds.is_empty(); known.len()];
+        for name in &args.kinds {
+            wanted[kind_called(name, &known, "--kinds")?] = true;
         }
-        Ok(vec![rig.lens])
+        let plane = match &args.corners {
+            Some(corners) => {
+                let places =
+                    corners.iter().map(|text| place(text).ok_or_else(|| refused("--corners", "X,Y in px", text)));
+                let places: Vec<Vec2> = places.collect::<Result<_, Failure>>()?;
+                Plane::Corners(places.try_into().map_err(|_| Failure::bad_input("--corners: expected four places"))?)
+            }
+            None if args.plate == PlateInPicture::Whole => Plane::Whole,
+            None => Plane::Found,
+        };
+        let scale = match &rig {
+            Some(rig) => Scale::Size([rig.plate_side_m; 2]),
+            None => scale(args, &known)?,
+        };
+        Ok(Self { plane, scale, known, wanted, rig })
     }
 }
 
-/// Kinds called `names`, or all of them; kinds too small to be seen do not count.
-fn chosen(names: &[String], kinds: &[KindSpec]) -> Result<Vec<PartKind>, Failure> {
-    let seen = || kinds.iter().filter(|spec| spec.can_be_seen()).map(|spec| &spec.kind);
-    for name in names {
-        if seen().all(|kind| kind.name != *name) {
-            let allowed: Vec<&str> = seen().map(|kind| kind.name.as_str()).collect();
-            return Err(Failure::bad_input(format!("--kinds: expected {}, found {name:?}", one_of(name, &allowed))));
-        }
+fn scale(args: &LocateArgs, known: &[PartKind]) -> Result<Scale, Failure> {
+    let is_length = |mm: &f64| *mm > 0.0 && *mm <= MOST_SIDE_MM;
+    if let Some(side_mm) = args.plate_side_mm {
+        let allowed = format!("a length above 0, up to {MOST_SIDE_MM} mm");
+        let side_mm = Some(side_mm).filter(is_length).ok_or_else(|| refused("--plate-side-mm", &allowed, side_mm))?;
+        return Ok(Scale::Size([m_from_mm(side_mm); 2]));
     }
-    Ok(seen().filter(|kind| names.is_empty() || names.contains(&kind.name)).cloned().collect())
+    if let Some(text) = &args.rectangle {
+        let allowed = format!("two lengths above 0, up to {MOST_SIDE_MM} mm, as 297x210");
+        let sides = numbers(text, 'x').filter(|sides| sides.iter().all(is_length));
+        return Ok(Scale::Size(sides.ok_or_else(|| refused("--rectangle", &allowed, text))?.map(m_from_mm)));
+    }
+    if let Some(text) = &args.scale {
+        let px_per_mm = text.strip_suffix("px/mm").and_then(|number| number.trim().parse().ok());
+        let px_per_mm = px_per_mm.filter(|scale: &f64| *scale >= 1e-3 && *scale <= 1e4);
+        let allowed = "a number from 0.001 to 10000 and its unit, as 12.3px/mm";
+        return Ok(Scale::PxPerM(1e3 * px_per_mm.ok_or_else(|| refused("--scale", allowed, text))?));
+    }
+    let Some(text) = &args.scale_from else { return Ok(Scale::Unknown) };
+    let (name, at) = text.split_once('@').map_or((text.as_str(), None), |(name, at)| (name, Some(at)));
+    let kind = kind_called(name, known, "--scale-from")?;
+    let place = |at: &str| place(at).ok_or_else(|| refused("--scale-from", "KIND@X,Y with X and Y in px", text));
+    Ok(Scale::Part(kind, at.map(place).transpose()?))
+}
+
+fn kind_called(name: &str, known: &[PartKind], option: &str) -> Result<usize, Failure> {
+    let names: Vec<&str> = known.iter().map(|kind| kind.name.as_str()).collect();
+    let found = names.iter().position(|known| *known == name);
+    found.ok_or_else(|| Failure::bad_input(format!("{option}: expected {}, found {name:?}", one_of(name, &names))))
+}
+
+fn refused(option: &str, allowed: &str, found: impl std::fmt::Display) -> Failure {
+    Failure::bad_input(format!("{option}: expected {allowed}, found {found}"))
+}
+
+fn place(text: &str) -> Option<Vec2> {
+    numbers(text, ',').map(Vec2::from)
+}
+
+fn numbers(text: &str, between: char) -> Option<[f64; 2]> {
+    let (first, second) = text.split_once(between)?;
+    let both = [first.trim().parse().ok()?, second.trim().parse().ok()?];
+    both.iter().all(|number: &f64| number.is_finite()).then_some(both)
 }

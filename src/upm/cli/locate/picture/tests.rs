@@ -40,6 +40,7 @@ fn files() -> Vec<Vec<u8>> {
             files.push(written(&image, format));
         }
     }
+    files.push(written(&ramp, ImageFormat::Bmp));
     for format in [ImageFormat::Png, ImageFormat::Tiff] {
         for image in [DynamicImage::from(ramp.to_rgba8()), ramp.to_rgba16().into()] {
             files.push(written(&image, format));
@@ -75,14 +76,12 @@ fn few_bits_in_sixteen_span_all_levels() {
     for (bits, brightest) in [(8, 255), (10, 256), (10, 1023), (12, 1024), (14, 16383), (16, 16384), (16, 65535)] {
         let wide: Vec<u16> = levels().iter().map(|&level| (u32::from(level) * brightest / highest) as u16).collect();
         let picture = decode(&graymap(&wide, u16::MAX)).unwrap();
-        assert_eq!(picture.bits, Some(bits), "brightest {brightest}");
         let scale = 255.0 / f64::from((1u32 << bits) - 1);
         for (&level, &wide) in picture.frame.pixels.iter().zip(&wide) {
             assert!((f64::from(level) - f64::from(wide) * scale).abs() <= 0.5);
         }
     }
     assert_eq!(decode(&graymap(&[0; 24 * 17], 65535)).unwrap().frame.pixels, [0; 24 * 17]);
-    assert_eq!(decode(&written(&ramp(), ImageFormat::Png)).unwrap().bits, None);
 }
 
 #[test]
@@ -151,7 +150,7 @@ fn unsupported_picture_is_reported_in_one_line() {
     let cases = [
         (b"".to_vec(), "an empty file"),
         (b"{\"name\": 1}".to_vec(), "none of these"),
-        (b"GIF89a".to_vec(), "none of these"),
+        (b"GIF89a".to_vec(), "a Gif picture"),
         (wide.into_bytes(), "20000x20000 px, more than 64 million pixels"),
         (written(&float, ImageFormat::Tiff), "levels of 32 bits, more than 16"),
     ];
