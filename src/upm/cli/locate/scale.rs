@@ -50,9 +50,13 @@ pub(super) struct PictureScale {
 }
 
 impl PictureScale {
-    /// True if scores need not fall for it.
-    pub(super) fn is_sure(&self) -> bool {
-        self.doubt.is_none() && self.source != ScaleSource::TwoKinds
+    /// Factor on scores: lower if it is uncertain, much lower if it is a guess.
+    pub(super) fn trust(&self) -> f64 {
+        match self.source {
+            ScaleSource::Assumed => 0.5,
+            source if self.doubt.is_some() || source == ScaleSource::TwoKinds => 0.9,
+            _ => 1.0,
+        }
     }
 }
 
