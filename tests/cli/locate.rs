@@ -137,9 +137,10 @@ fn options_say_what_is_known() {
         let (stdout, stderr) = status(&[&["locate", &light], args].concat(), 2);
         assert!(stderr.contains(fault) && stderr.lines().count() == 1 && stdout.is_empty(), "{stderr}");
     }
+    let (_, stderr) = status(&["locate", &light, "--corners", "1,2", "3,4", "5,6", "8,9"], 1);
+    assert!(stderr.ends_with("--corners: expected a rectangle seen from above\n"), "{stderr}");
     let (_, stderr) = status(&["locate", &light, "--scale-from", "penny@5,5"], 1);
     assert!(stderr.contains("no disc at 5,5; discs are at 170,14"), "{stderr}");
-    status(&["locate"], 2);
 }
 
 #[test]

@@ -15,8 +15,6 @@ const HALF_OFF: f64 = 0.03;
 const WHOLE_OUTLINE: f64 = 0.85;
 const SHARP: f64 = 0.57;
 const BLURRED: f64 = 0.30;
-/// Factor on the score if the scale is uncertain.
-const UNSURE_SCALE: f64 = 0.9;
 /// Least score of a named part; below it the disc is reported as unclear.
 const LEAST_SCORE: f64 = 0.4;
 /// Factors below this are reported as doubts.
@@ -49,7 +47,6 @@ pub(super) fn named(
     setting: &LocateSetup,
     scale: &PictureScale,
 ) -> (Vec<NamedPart>, Vec<OtherDisc>) {
-    let sure = if scale.is_sure() { 1.0 } else { UNSURE_SCALE };
     let smallest_m = setting.known.iter().map(|kind| kind.radius_m).fold(f64::INFINITY, f64::min);
     let (mut parts, mut others) = (Vec::new(), Vec::new());
     for disc in discs.iter().filter(|disc| disc.radius_m > SPECK * smallest_m) {
@@ -61,7 +58,7 @@ pub(super) fn named(
         };
         let part = nearest(&|kind| setting.wanted[kind]).map(|(kind, off)| {
             let foot_m = foot_m(table, disc, &setting.known[kind]);
-            scored(disc, NamedPart { disc: disc.clone(), kind, foot_m, score: sure, doubts: Vec::new() }, off)
+            scored(disc, NamedPart { disc: disc.clone(), kind, foot_m, score: scale.trust(), doubts: Vec::new() }, off)
         });
         match part.filter(|part| part.score >= LEAST_SCORE) {
             Some(part) => parts.push(part),

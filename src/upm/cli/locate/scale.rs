@@ -50,9 +50,13 @@ pub(super) struct PictureScale {
 }
 
 impl PictureScale {
-    /// True if scores need not fall for it.
-    pub(super) fn is_sure(&self) -> bool {
-        self.doubt.is_none() && self.source != ScaleSource::TwoKinds
+    /// Factor on scores: lower if it is uncertain, much lower if it is a guess.
+    pub(super) fn trust(&self) -> f64 {
+        match self.source {
+            ScaleSource::Assumed => 0.5,
+            source if self.doubt.is_some() || source == ScaleSource::TwoKinds => 0.9,
+            _ => 1.0,
+        }
     }
 }
 
@@ -181,4 +185,40 @@ impl Sizes<'_> {
 /// Middle of the foot, m, of a part of `kind` whose outline is `disc`.
 pub(super) fn foot_m(table: &Table, disc: &DetectedDisc, kind: &PartKind) -> Vec2 {
     disc.at_m - (seen_outline_m(table, disc.at_m, kind).0 - disc.at_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use upm_core::geometry::Lens;
+
+    fn table(side_m: f64, focal_sides: f64) -> Table {
+        let corners = [(150.0, 50.0), (850.0, 50.0), (850.0, 750.0), (150.0, 750.0)].map(|(x, y)| Vec2::new(x, y));
+        Table::of_rectangle(corners, [side_m; 2], &Lens::centered([1000, 800], focal_sides), [0.01; 2]).unwrap()
+    }
+
+    #[test]
+    fn heights_and_places_of_parts_give_scale_and_focal_length() {
+        let kinds = [("penny", 19.05, 1.52), ("nickel", 21.21, 1.95), ("quarter", 24.26, 1.75)];
+        let kinds = kinds.map(|(name, mm, thick_mm)| PartKind {
+            name: name.into(),
+            radius_m: mm * 5e-4,
+            thickness_m: thick_mm * 1e-3,
+        });
+        let (truth, assumed) = (table(0.26, 0.75), table(0.2032, 1.2));
+        let places = [(-0.09, 0.08), (0.01, 0.02), (0.1, -0.09), (0.05, 0.11), (-0.02, 0.0), (-0.11, -0.1)];
+        let disc = |(i, (x, y)): (usize, (f64, f64))| {
+            let (at_m, radius_m) = seen_outline_m(&truth, Vec2::new(x, y), &kinds[i % 3]);
+            let (at_m, radius_m) = (at_m * (0.2032 / 0.26), radius_m * (0.2032 / 0.26));
+            DetectedDisc { at_m, radius_m, center_px: at_m, radius_px: 40.0, outline_share: 1.0, crispness: 1.0 }
+        };
+        let discs: Vec<DetectedDisc> = places.into_iter().enumerate().map(disc).collect();
+        let scales = Sizes { table: &assumed, discs: &discs, kinds: &kinds, focal_sd: 0.6 }.scales(None);
+        let [fit] = &scales[..] else { panic!("{scales:?}") };
+        assert!((fit.factor * 0.2032 / 0.26 - 1.0).abs() < 3e-3 && fit.kinds.len() == 3, "{fit:?}");
+        assert!((fit.focal * 1.2 / 0.75 - 1.0).abs() < 0.25 && fit.off < 1e-3, "{fit:?}");
+        // one kind alone leaves a scale for every kind
+        let pennies: Vec<DetectedDisc> = discs.iter().step_by(3).cloned().collect();
+        assert!(Sizes { table: &assumed, discs: &pennies, kinds: &kinds, focal_sd: 0.0 }.scales(None).len() >= 3);
+    }
 }

@@ -72,7 +72,8 @@ pub(super) fn locate_picture(image: &Path, setting: &LocateSetup) -> Result<Loca
         let wanted = format!("expected {width}x{height} px from the camera of rig {name}, {found}");
         return Err(Failure::bad_input(format!("{}: {wanted}", image.display())));
     }
-    let plane = seen_plane(&frame, setting, picture.focal_sides).map_err(|fault| failed(about_table(&fault)))?;
+    let plane = seen_plane(&frame, setting, picture.focal_sides)
+        .map_err(|fault| failed(about_table(&fault, &setting.plane)))?;
     let found = clock.elapsed();
     let discs = survey(&frame, &plane.table);
     let (table, discs, scale) = scaled(plane, discs, setting).map_err(failed)?;
@@ -200,17 +201,13 @@ fn places(discs: &[DetectedDisc]) -> String {
 }
 
 /// Fault of the table search, with what a person can do.
-fn about_table(fault: &TableFault) -> String {
+fn about_table(fault: &TableFault, plane: &Plane) -> String {
     let remedy = match fault {
-        TableFault::NoEdges
-        | TableFault::TooFewLines { .. }
-        | TableFault::NotASquare
-        | TableFault::AlmostASquare(_)
-        | TableFault::CutByFrame
-        | TableFault::SideHidden { .. } => "--corners gives its corners, --plate whole takes the picture as the plane",
+        _ if matches!(plane, Plane::Corners(_)) => return "--corners: expected a rectangle seen from above".to_owned(),
         TableFault::Skewed { .. } => "--rectangle WxH gives its sides, --corners its corners",
         TableFault::MoreThanOne => "crop the picture to one",
-        _ => return fault.to_string(),
+        TableFault::TooSmall { .. } => return fault.to_string(),
+        _ => "--corners gives its corners, --plate whole takes the picture as the plane",
     };
     format!("{fault}; {remedy}")
 }

@@ -119,6 +119,16 @@ fn a_turned_photograph_is_turned_back() {
 }
 
 #[test]
+fn exif_states_the_focal_length() {
+    let directory = |tag: &[u8], value: &[u8]| [&[0, 1], tag, value, &[0; 4]].concat();
+    let first = directory(&[0x87, 0x69, 0, 4, 0, 0, 0, 1], &[0, 0, 0, 26]);
+    let second = directory(&[0xA4, 0x05, 0, 3, 0, 0, 0, 1], &[0, 27, 0, 0]);
+    let exif = [b"MM\0\x2a\0\0\0\x08".as_slice(), &first, &second].concat();
+    assert_eq!(focal_sides(&exif), Some(0.75));
+    assert_eq!(focal_sides(&exif[..20]), None);
+}
+
+#[test]
 fn a_file_cut_short_is_refused() {
     for file in files() {
         // decoders need neither the last chunk of a PNG nor the last digits of a text picture
