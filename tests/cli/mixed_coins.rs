@@ -119,8 +119,8 @@ fn mixed_coins_are_named_doubted_or_reported() {
 }
 
 #[test]
-#[ignore = "long: `cargo test -- --ignored` runs it"]
-fn coins_on_cloth_wood_and_paper_are_found_from_one_of_them() {
+#[ignore = "campaign: `cargo test --test cli -- --ignored campaign_of` runs it"]
+fn campaign_of_coins_on_cloth_wood_and_paper() {
     let folder = TempDir::new().unwrap();
     let (mut tally, mut off) = (Tally::default(), Vec::new());
     for picture in everywhere(SEED) {
