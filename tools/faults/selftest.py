@@ -280,7 +280,7 @@ class Drawing(unittest.TestCase):
     def test_draw_repeats_by_seed_and_holds_its_ranges(self):
         cases = [campaign.case_of(seed) for seed in range(600)]
         self.assertEqual(campaign.case_of(7), cases[7])
-        self.assertEqual({case.made.template for case in cases}, set(jobs.TEMPLATES))
+        self.assertLessEqual(set(jobs.TEMPLATES), {case.made.template for case in cases})
         for case in cases:
             for fault in case.faults:
                 self.assertEqual((Fault.parse(str(fault)), Fault.of(fault.row())), (fault, fault))
