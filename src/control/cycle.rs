@@ -53,7 +53,7 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
             Ok(planner) => planner,
             Err(ending) => return Break(ending),
         };
-        Continue((planner, Perception::open(io, &params.kinds, &params.parts, params.guards.clone())?))
+        Continue((planner, Perception::open(io, &params.kinds, &params.parts, params.guards)?))
     };
     let finish = match open(&mut io) {
         Continue((planner, perception)) => {
