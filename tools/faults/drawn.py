@@ -37,7 +37,7 @@ def spread(rng, rig, count):
 
 def grid(rng, rig, count):
     """Dense rows."""
-    pitch_mm = rng.uniform(2.15, 2.6) * WIDEST_MM
+    pitch_mm = rng.uniform(2.17, 2.6) * WIDEST_MM
     columns = min(math.ceil(math.sqrt(count)), int(2 * half_side_mm(rig) / pitch_mm) + 1)
     rows = math.ceil(count / columns)
     return [
