@@ -19,7 +19,6 @@ const SETS: [(&str, &str); 4] = [
 
 /// A set of round parts as a person writes it.
 #[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 #[schemars(title = "coins")]
 struct CoinsFile {
     #[schemars(length(min = 1, max = 64))]
@@ -27,7 +26,6 @@ struct CoinsFile {
 }
 
 #[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 struct CoinEntry {
     #[schemars(range(min = 1.0, max = 1000.0))]
     diameter_mm: f64,
