@@ -59,6 +59,7 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
         Continue((planner, perception)) => {
             let mut cycle = ControlCycle {
                 planning: Planning::new(params, library, planner, 0.5 * io.model.plate_side_m),
+                coil_responses: CoilResponses::new(library, params.parts_mass_kg() / io.model.plate_mass_kg),
                 io: &mut io,
                 library,
                 task,
@@ -69,7 +70,6 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
                 wanted: None,
                 furthest: 0.0,
                 index: 0,
-                coil_responses: CoilResponses::new(library),
                 motion: MotionGuard::default(),
                 steps: StepGuard::default(),
                 unconfirmed: 0,

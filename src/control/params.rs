@@ -34,6 +34,13 @@ impl ControlParams {
         self.parts.get(part).map_or("?", |part| part.id.as_str())
     }
 
+    /// Mass of all parts as if of solid metal, kg: it is not in the files of kinds.
+    pub(super) fn parts_mass_kg(&self) -> f64 {
+        const DENSITY_KG_M3: f64 = 8.5e3;
+        let kinds = self.parts.iter().filter_map(|part| self.kinds.get(part.kind));
+        kinds.map(|kind| DENSITY_KG_M3 * std::f64::consts::PI * kind.radius_m.powi(2) * kind.thickness_m).sum()
+    }
+
     /// Outline of part `part`, m; 0 for an unknown index.
     pub fn radius_m(&self, part: usize) -> f64 {
         let kind = self.parts.get(part).and_then(|part| self.kinds.get(part.kind));

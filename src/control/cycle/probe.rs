@@ -21,7 +21,7 @@ impl ControlCycle<'_, '_> {
     pub(super) fn probe(&mut self) -> OrEnd {
         let Some((mut drive, coils)) = self.library.probe() else { return Continue(()) };
         drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.io.model.max_sustain_s);
-        let expected = ExpectedMotion { drive: &drive, coils: &coils };
+        let expected = ExpectedMotion { drive: &drive, coils: &coils, load_mps2: self.coil_responses.load_mps2 };
         for _ in 0..MOST_PROBES {
             let fit = self.play_probe(&expected)?;
             if !self.perception.invalidates_plan() {

@@ -3,6 +3,7 @@ use super::steps::PulseOutcome;
 use crate::found::Found;
 use upm_core::job::Finding;
 use upm_core::signal::{CHANNEL_NAMES, Drive};
+use upm_core::units::GRAVITY_MPS2;
 use upm_perception::estimation::{
     AccelerometerPair, ChannelFault, ExpectedMotion, FitFault, MotionVerdict, PlateFit, judge,
 };
@@ -11,6 +12,8 @@ use upm_planning::planner::PlannedPulse;
 
 /// Names of the voice coils.
 const COILS: [&str; 4] = ["x1", "x2", "y1", "y2"];
+/// Largest friction of a part on the plate: of dry metal.
+const MOST_FRICTION: f64 = 0.5;
 /// Gains of a coil that the next observation compensates for.
 const BEARABLE_GAIN: (f64, f64) = (0.7, 1.4);
 /// Relative deviation of a motion from its plan above which the run ends.
@@ -37,12 +40,15 @@ pub struct MotionFinding {
 pub struct CoilResponses {
     field: Option<CoilResponse>,
     rotation: Option<CoilResponse>,
+    /// See [`ExpectedMotion::load_mps2`].
+    pub load_mps2: f64,
 }
 
 impl CoilResponses {
-    /// The responses in `library`.
-    pub fn new(library: &Library) -> Self {
-        Self { field: library.field_coils(), rotation: library.rotation_coils() }
+    /// The responses in `library`, of a plate with parts of this mass on it, as a share of its own.
+    pub fn new(library: &Library, parts_share: f64) -> Self {
+        let load_mps2 = MOST_FRICTION * GRAVITY_MPS2 * parts_share;
+        Self { field: library.field_coils(), rotation: library.rotation_coils(), load_mps2 }
     }
 
     /// The expected motion of a pulse; `None` where the library does not give it.
@@ -51,7 +57,7 @@ impl CoilResponses {
             PlannedPulse::Field(_) => self.field.as_ref()?,
             PlannedPulse::Rotation(_) => self.rotation.as_ref()?,
         };
-        Some(ExpectedMotion { drive, coils })
+        Some(ExpectedMotion { drive, coils, load_mps2: self.load_mps2 })
     }
 }
 

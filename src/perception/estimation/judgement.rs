@@ -58,6 +58,8 @@ pub struct ExpectedMotion<'a> {
     /// For each voice coil and harmonic k, at index `k - 1`: the plate's steady velocity under one count of `cos kwt`
     /// of that coil alone, times from the start of the pulse.
     pub coils: &'a [Vec<TwistHarmonic>; MOTORS],
+    /// Most that the friction of the parts on the plate changes its acceleration by, m/s². Calibration moves few.
+    pub load_mps2: f64,
 }
 
 /// Deviation of a pulse from the plan, and its explanation.
@@ -207,7 +209,7 @@ struct PulseJudge<'a> {
     sensors: &'a AccelerometerPair,
     read: TraceReading,
     planned: AccelerometerPhasors,
-    /// Square of the tolerance of each coefficient for noise alone, (m/s²)², harmonic by harmonic.
+    /// Square of the tolerance of each coefficient for noise and load alone, (m/s²)², harmonic by harmonic.
     noise: Vec<f64>,
     /// Inverse square of the tolerance of each coefficient of the planned motion, (m/s²)⁻², harmonic by harmonic.
     weights: Vec<f64>,
@@ -221,7 +223,9 @@ impl<'a> PulseJudge<'a> {
         // the residual of a channel full of noise says nothing about the others
         let others = CHANNELS as f64 / (CHANNELS - 1) as f64;
         let share = read.noisy.map_or(1.0, |(_, share)| (1.0 - share) * others);
-        let noise: Vec<f64> = read.variance.iter().map(|variance| deviations * deviations * share * variance).collect();
+        let load = expected.load_mps2 * expected.load_mps2 / (2 * read.variance.len().max(1)) as f64;
+        let noise = read.variance.iter().map(|variance| deviations * deviations * share * variance + load);
+        let noise: Vec<f64> = noise.collect();
         let response = response_variance(&planned);
         let weights = noise.iter().map(|noise| (noise + response).recip()).collect();
         Self { expected, sensors, read, planned, noise, weights }

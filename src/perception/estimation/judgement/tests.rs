@@ -76,8 +76,8 @@ impl TestPlate {
         }
         let harmonics = drive.motors.iter().map(Vec::len).max().unwrap_or(0);
         let answers = coils(harmonics);
-        let velocity =
-            ExpectedMotion { drive: &played, coils: &answers }.velocity(harmonics, &AssumedCoilSignals::Planned);
+        let velocity = ExpectedMotion { drive: &played, coils: &answers, load_mps2: 0.0 }
+            .velocity(harmonics, &AssumedCoilSignals::Planned);
         let shown = |i: usize| -> [f64; CHANNELS] {
             let angle = BASE_RADPS * i as f64 / SAMPLE_HZ;
             let sum = |order: i32| -> Vector3<f64> {
@@ -124,7 +124,7 @@ fn judged_trace(drive: &Drive, trace: &AccelTrace) -> MotionJudgement {
     } else {
         fit_wave(trace, &drive.envelope, BASE_RADPS, harmonics, &SENSORS).map(PlateFit::Wave)
     };
-    judge(&ExpectedMotion { drive, coils: &coils(harmonics) }, fit.as_ref(), &SENSORS)
+    judge(&ExpectedMotion { drive, coils: &coils(harmonics), load_mps2: 0.0 }, fit.as_ref(), &SENSORS)
 }
 
 fn weak(coil: usize, gain: f64) -> TestPlate {
