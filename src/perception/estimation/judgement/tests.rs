@@ -118,13 +118,17 @@ impl TestPlate {
 }
 
 fn judged_trace(drive: &Drive, trace: &AccelTrace) -> MotionJudgement {
+    judged_under_load(drive, trace, 0.0)
+}
+
+fn judged_under_load(drive: &Drive, trace: &AccelTrace, load_mps2: f64) -> MotionJudgement {
     let harmonics = drive.motors[0].len();
     let fit = if harmonics == 2 {
         fit_twist(trace, &drive.envelope, BASE_RADPS, &SENSORS).map(PlateFit::Twist)
     } else {
         fit_wave(trace, &drive.envelope, BASE_RADPS, harmonics, &SENSORS).map(PlateFit::Wave)
     };
-    judge(&ExpectedMotion { drive, coils: &coils(harmonics), load_mps2: 0.0 }, fit.as_ref(), &SENSORS)
+    judge(&ExpectedMotion { drive, coils: &coils(harmonics), load_mps2 }, fit.as_ref(), &SENSORS)
 }
 
 fn weak(coil: usize, gain: f64) -> TestPlate {
@@ -275,4 +279,16 @@ fn unreadable_strong_pulse_is_distinguished_from_a_short_or_weak_one() {
     }
     let slow = AccelTrace { sample_hz: 500.0, ..trace };
     assert_eq!(judged_trace(&drive, &slow).verdict, weak, "a converter that is always too slow");
+}
+
+#[test]
+fn parts_on_the_plate_hide_a_weak_coil_only_as_far_as_their_friction_goes() {
+    let drive = rotation([150.0, -150.0, 150.0, 150.0]);
+    let verdict = |gain: f64, load_mps2: f64| {
+        let trace = weak(2, gain).trace(&drive, &mut Streams::new(1).stream("noise"));
+        judged_under_load(&drive, &trace, load_mps2).verdict
+    };
+    assert!(matches!(verdict(0.9, 0.0), MotionVerdict::Coil { coil: 2, .. }), "{:?}", verdict(0.9, 0.0));
+    assert_eq!(verdict(0.9, 10.0), MotionVerdict::AsPlanned);
+    assert!(matches!(verdict(0.0, 10.0), MotionVerdict::Coil { coil: 2, .. }), "{:?}", verdict(0.0, 10.0));
 }
