@@ -73,13 +73,10 @@ impl Library {
 /// A fault for every number of the library that differs from the rig's, with its path.
 fn differences<'a>(numbers: impl IntoIterator<Item = (&'a str, f64, f64)>) -> impl Iterator<Item = Diagnostic> {
     let others = numbers.into_iter().filter(|(_, found, its)| (found - its).abs() > SAME * its.abs() + FILE_ROUNDING);
-    let faults: Vec<_> = others
-        .map(|(path, found, its)| {
-            let [found, its] = [found, its].map(|value| (value * 1e9).round() / 1e9);
-            Diagnostic::new("", path, found, format!("{its}, as the rig has it"))
-        })
-        .collect();
-    faults.into_iter()
+    others.map(|(path, found, its)| {
+        let [found, its] = [found, its].map(|value| (value * 1e9).round() / 1e9);
+        Diagnostic::new("", path, found, format!("{its}, as the rig has it"))
+    })
 }
 
 fn field_faults(response: Option<&FieldResponse>, rig: &RigModel) -> Vec<Diagnostic> {

@@ -1,4 +1,4 @@
-use crate::cor_library::{DisplacementModel, Entry, Library};
+use crate::cor_library::{Entry, Library};
 use upm_core::geometry::Vec2;
 
 /// Reach of a library at one position.
@@ -38,7 +38,7 @@ impl Reach {
     /// Reach of `library` at `position_m` in every direction, with its longest pulse.
     pub fn of(library: &Library, position_m: Vec2) -> Self {
         let Library { displacement: model, entries, .. } = library;
-        let best_m = best_step(model);
+        let best_m = model.farthest();
         let part = if best_m > 0.0 { 1.0 / best_m } else { 0.0 };
         let flow = |entry: &Entry| {
             entry.pump.direction_at(position_m) * (model.max_distance(entry.speed_at(position_m)) * part)
@@ -46,7 +46,9 @@ impl Reach {
         let flows: Vec<Vec2> = entries.iter().map(flow).collect();
         let mut strongest = Vec::new();
         let (mut weakest_projection, mut weakest_direction, mut weakest_entry) = (f64::INFINITY, Vec2::x(), None);
-        for direction in directions() {
+        for k in 0..DIRECTIONS {
+            let (sin, cos) = (std::f64::consts::PI * k as f64 / DIRECTIONS as f64).sin_cos();
+            let direction = Vec2::new(cos, sin);
             let (projection, entry) = strongest_along(&flows, direction);
             strongest.extend(entry);
             if projection < weakest_projection {
@@ -71,18 +73,6 @@ impl Reach {
             strongest,
         }
     }
-}
-
-/// Displacement by the longest pulse on the fastest measured belt, m.
-fn best_step(model: &DisplacementModel) -> f64 {
-    model.speed_mps.last().map_or(0.0, |&fastest| model.max_distance(fastest))
-}
-
-fn directions() -> impl Iterator<Item = Vec2> {
-    (0..DIRECTIONS).map(|k| {
-        let (sin, cos) = (std::f64::consts::PI * k as f64 / DIRECTIONS as f64).sin_cos();
-        Vec2::new(cos, sin)
-    })
 }
 
 /// The largest displacement along `direction` by one of `flows`, and its index; `None` when all are zero.
