@@ -2,10 +2,9 @@
 
 use std::ops::ControlFlow::{Break, Continue};
 
-use super::scene::UnusableFrame;
 use super::{Perception, REACH_M};
 use crate::Sink;
-use crate::guards::{PictureLag, PlateSwing, StaleReason};
+use crate::guards::{PictureLag, PlateSwing, UnusableFrame};
 use crate::run_end::OrEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
@@ -42,16 +41,16 @@ impl Perception {
 
     /// True once a frame has differed from the first.
     pub fn has_changed(&self) -> bool {
-        self.scene.has_changed()
+        self.scene.freshness.changed
     }
 
     /// Reason for which the newest frame, which arrived at `now` and shows the plate `swing_px` from its place, is not
     /// of the present; `None` for a frame of the present.
     pub(super) fn stale(&mut self, now: PlateTime, swing_px: Option<f64>) -> Option<UnusableFrame> {
-        let stale = self.scene.stale(&self.frame, now);
+        let stale = self.scene.freshness.check(&self.frame, now);
         let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
         let stands_still = self.stillness.check(swing_px, expected_px) && self.guards.has(Finding::CameraFrozen);
-        let stale = stale.or(stands_still.then_some(UnusableFrame::Stale(StaleReason::Repeated)));
+        let stale = stale.or(stands_still.then_some(UnusableFrame::Repeated));
         stale.filter(|blind| self.guards.has(blind.finding()))
     }
 

@@ -50,14 +50,15 @@ impl Perception {
     /// Table and parts of the newest frame, located without prior knowledge; otherwise the reason for the failure.
     fn locate(&self, clock: &dyn Clock) -> Result<Relocated, String> {
         let started = clock.elapsed();
-        let table = locate_table(&self.frame, &self.lens, self.table.side_m).map_err(|fault| fault.to_string())?;
+        let table =
+            locate_table(&self.frame, &self.model.lens, self.table.side_m).map_err(|fault| fault.to_string())?;
         if !has_shape_of(&table, &self.table) && self.guards.has(Finding::TableMissing) {
             return Err(
                 "it has another shape than before: something hides part of it, or the picture is mirrored".to_owned()
             );
         }
         let size = [self.frame.width, self.frame.height];
-        let mut finder = CoinFinder::new(&table, size, &self.kinds, self.dark_parts);
+        let mut finder = CoinFinder::new(&table, size, &self.kinds, self.model.dark_parts);
         let found = finder.find(&self.frame);
         let localise_us = (clock.elapsed() - started).as_secs_f64() * 1e6;
         Ok(Relocated { table, found, localise_us })
@@ -134,8 +135,9 @@ impl Perception {
         }
         let frame = &self.frame;
         sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, localise_us });
-        self.scene.relocate(&table, frame, swings, &self.kinds, self.dark_parts);
-        self.tracker = Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.dark_parts, detections);
+        self.scene.relocate(&table, frame, swings, &self.kinds, self.model.dark_parts);
+        self.tracker =
+            Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.model.dark_parts, detections);
         (self.table, self.displaced) = (table, 0);
         self.relocated |= swings;
         self.delay.forget_seen();
