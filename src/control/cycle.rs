@@ -181,7 +181,10 @@ impl ControlCycle<'_, '_> {
             self.check_limits()?;
             self.play(pulse, if number == plan.pulses.len() { FramePurpose::Cycle } else { FramePurpose::Pulse })?;
             *last_pulse_at = self.io.rig.now();
-            self.search_missing()?;
+            // waits for a part that was not seen for long and may be lost, without playing anything meanwhile
+            if self.perception.frames_missing() > self.params.lost_after_frames && !self.perception.motors_stopped {
+                self.observe_at_rest()?;
+            }
             if self.perception.invalidates_plan() {
                 break;
             }
@@ -275,14 +278,6 @@ impl ControlCycle<'_, '_> {
 
     fn check_stop(&self) -> OrEnd {
         check_stop(self.io.stop)
-    }
-
-    /// Waits for a part that was not seen for long and may be lost, without playing anything meanwhile.
-    fn search_missing(&mut self) -> OrEnd {
-        if self.perception.frames_missing() > self.params.lost_after_frames && !self.perception.motors_stopped {
-            self.observe_at_rest()?;
-        }
-        Continue(())
     }
 
     /// Captures frames until one at rest shows every part; a part that stays missing is lost.

@@ -49,11 +49,6 @@ impl ForecastDeviation {
             PlannedPulse::Field(_) => Self { least_m: 0.2e-3, of_step: 0.03, of_ratio: 0.06 },
         }
     }
-
-    /// Standard deviation after a step of `step_m`, m.
-    pub(super) fn sd_m(self, step_m: f64) -> f64 {
-        self.least_m + self.of_step * step_m
-    }
 }
 
 /// Gain of each part at each place, relative to the displacement model.
@@ -98,7 +93,7 @@ impl GainEstimator {
             }
             let off = (measured - forecast).dot(&per_gain) / per_gain.norm_squared();
             if off.abs() < FARTHEST {
-                let scatter_m = scatter.sd_m((forecast - before).norm());
+                let scatter_m = scatter.least_m + scatter.of_step * (forecast - before).norm();
                 let variance = scatter.of_ratio.powi(2) + (scatter_m / length_m).powi(2);
                 self.correct(self.pattern(part, *before), off, variance);
             }

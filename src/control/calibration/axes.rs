@@ -2,7 +2,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Complex, Matrix3};
 
-use super::axis_pulse::{AxisPulse, NAMES};
+use super::axis_pulse::{AROUND, AxisPulse, NAMES};
 use super::coils::CoilGains;
 use super::fault::LEAST_LAG_DEG;
 use super::{CalibrationFault, CalibrationParams, CalibrationSession, MiswiredChannel};
@@ -50,12 +50,8 @@ impl Axes {
 
 /// Amplitudes X1, X2, Y1, Y2 that act on one axis alone (Eq. 7), and the axis amplitude they make.
 fn axis_amplitudes(arrangement: MotorArrangement, axis: usize, counts: i32) -> ([i32; 4], f64) {
-    let (around, amplitude) = match axis {
-        0 => ([counts, -counts, 0, 0], 2.0 * f64::from(counts)),
-        1 => ([0, 0, counts, -counts], 2.0 * f64::from(counts)),
-        _ => ([-counts, -counts, counts, counts], 4.0 * f64::from(counts)),
-    };
-    (arrangement.turned(around), amplitude)
+    let amplitude = AROUND[axis].iter().map(|share| share.abs() * counts).sum::<i32>();
+    (arrangement.turned(AROUND[axis].map(|share| share * counts)), f64::from(amplitude))
 }
 
 pub(super) fn measure(

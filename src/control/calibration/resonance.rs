@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, Vector3};
 
+use super::axis_pulse::AROUND;
 use super::{CalibrationFault, CalibrationSession};
 use upm_core::rig::RigModel;
 use upm_core::signal::{Drive, Envelope, MotorArrangement};
@@ -146,12 +147,7 @@ fn free_accel_mps2(axis: usize, model: &RigModel) -> f64 {
 
 /// Phasors of the axis amplitude that `drive` plays, counts (Eq. 7).
 fn axis_force(arrangement: MotorArrangement, drive: &Drive, axis: usize) -> Vec<Complex<f64>> {
-    let around = match axis {
-        0 => [1.0, -1.0, 0.0, 0.0],
-        1 => [0.0, 0.0, 1.0, -1.0],
-        _ => [-1.0, -1.0, 1.0, 1.0],
-    };
-    let signs = arrangement.turned(around);
+    let signs = arrangement.turned(AROUND[axis].map(f64::from));
     let phasor = |k: usize| signs.iter().zip(&drive.motors).map(|(sign, motor)| motor[k].phasor() * *sign).sum();
     (0..drive.motors[0].len()).map(phasor).collect()
 }

@@ -28,7 +28,9 @@ impl ControlCycle<'_, '_> {
         let (all_seen, before_m) = (self.perception.frames_missing() == 0, self.perception.positions_m());
         let ahead = self.forecasts(&before_m, planned);
         let forecast_m = ahead.as_ref().map(|[_, learned_m, _]| learned_m.as_slice());
-        self.perception.expect_pulse(started_at, forecast_m, self.swing(planned, &drive));
+        let expected = self.coil_responses.expected(planned, &drive);
+        let swing = expected.map(|expected| self.swing_of(expected.wave(), &drive));
+        self.perception.expect_pulse(started_at, forecast_m, swing);
         flow(self.io.rig.play(&drive))?;
         let followed = self.follow(purpose);
         let trace = self.io.rig.trace();
@@ -146,7 +148,8 @@ impl ControlCycle<'_, '_> {
     /// Ends a run whose pictures are late. To be called after a pulse; one in which the plate moved off its plan is no
     /// evidence.
     pub(super) fn check_picture_delay(&mut self, is_as_planned: bool) -> OrEnd {
-        let Some(late) = (if is_as_planned { self.perception.late() } else { None }) else { return Continue(()) };
+        let late = if is_as_planned { self.perception.delay.end() } else { None };
+        let Some(late) = late.filter(|_| self.params.guards.has(Finding::CameraLate)) else { return Continue(()) };
         let reason = match late {
             PictureLag::By(frames) => {
                 format!("the plate moves {frames} frames later in the pictures than it is driven")
@@ -158,11 +161,6 @@ impl ControlCycle<'_, '_> {
 
     pub(super) fn sensors(&self) -> AccelerometerPair {
         AccelerometerPair { position_m: self.io.model.accelerometer_in_plate_m, gain: self.library.accelerometer_gain }
-    }
-
-    /// Expected swing of the plate in a pulse; `None` where the library does not give it.
-    fn swing(&self, planned: &PlannedPulse, drive: &Drive) -> Option<PlateSwing> {
-        Some(self.swing_of(self.coil_responses.expected(planned, drive)?.wave(), drive))
     }
 
     /// Expected swing of the plate in a pulse with this velocity at full height.

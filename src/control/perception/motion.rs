@@ -4,7 +4,7 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use super::{Perception, REACH_M};
 use crate::Sink;
-use crate::guards::{PictureLag, PlateSwing, UnusableFrame};
+use crate::guards::{PlateSwing, UnusableFrame};
 use crate::run_end::OrEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
@@ -34,11 +34,6 @@ impl Perception {
         (self.motors_stopped, self.relocated) = (false, false);
     }
 
-    /// Delay of the frames, once it is certain. To be called after a pulse that moved the plate as planned.
-    pub(crate) fn late(&mut self) -> Option<PictureLag> {
-        self.delay.end().filter(|_| self.guards.has(Finding::CameraLate))
-    }
-
     /// True once a frame has differed from the first.
     pub fn has_changed(&self) -> bool {
         self.scene.freshness.changed
@@ -64,13 +59,13 @@ impl Perception {
     /// Ends the run when most parts are farther away than the last pulse carries them: the picture is another one.
     pub(super) fn check_jumps(&mut self, sink: &mut dyn Sink) -> OrEnd {
         let places_m = self.positions_m();
-        let is_far = |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > *reach_m;
-        let far = places_m.iter().zip(&self.expected_m).filter(|&part| is_far(part)).count();
-        let leaps =
-            |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > reach_m + LEAP_M;
-        let is_leap = places_m.iter().zip(&self.expected_m).any(leaps);
+        let beyond = |by_m: f64| {
+            let parts = places_m.iter().zip(&self.expected_m);
+            parts.filter(|(at_m, (expected_m, reach_m))| (*at_m - expected_m).norm() > reach_m + by_m).count()
+        };
+        let far = beyond(0.0);
         let are_many = far >= 2 && 2 * far > places_m.len();
-        if !(are_many || is_leap) || !self.guards.has(Finding::PartsJumped) {
+        if !(are_many || beyond(LEAP_M) > 0) || !self.guards.has(Finding::PartsJumped) {
             return Continue(());
         }
         let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());
