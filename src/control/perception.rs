@@ -231,16 +231,10 @@ impl Perception {
     }
 
     fn settle_foreign(&mut self, sink: &mut dyn Sink) -> OrEnd {
-        let at = self.frame.exposed_at;
-        match self.scene.foreign_m.filter(|_| self.foreign >= FOREIGN) {
-            Some(at_m) => {
-                let at_mm = at_m * 1e3;
-                let reason =
-                    format!("something that is no part of the job lies at ({:.0}, {:.0}) mm", at_mm.x, at_mm.y);
-                Break(self.findings.end_by(at, Finding::ForeignPart, reason, sink))
-            }
-            None => Continue(()),
-        }
+        let Some(at_m) = self.scene.foreign_m.filter(|_| self.foreign >= FOREIGN) else { return Continue(()) };
+        let at_mm = at_m * 1e3;
+        let reason = format!("something that is no part of the job lies at ({:.0}, {:.0}) mm", at_mm.x, at_mm.y);
+        Break(self.findings.end_by(self.frame.exposed_at, Finding::ForeignPart, reason, sink))
     }
 
     /// Ends the current pulse, if any; the plate swings on for a while.

@@ -23,8 +23,10 @@ const MOVED: u32 = 6;
 const SAME_PLACE_PX: f64 = 0.3;
 /// Number of observations with the table located anew before a task counts as completed.
 const CONFIRMING_LOOKS: usize = 2;
-/// Number of consecutive observations at a still plate before these.
+/// Number of consecutive observations at a still plate before these, and the displacement of a corner up to which the
+/// plate has swung out, px.
 const STILL_LOOKS: usize = 2;
+const STILL_PX: f64 = 0.25;
 /// Largest differences of corners and parts between such observations.
 const SAME_CORNER_PX: f64 = 0.7;
 const SAME_PART_M: f64 = 0.2e-3;
@@ -179,7 +181,9 @@ impl Perception {
         while io.rig.now() < until && still < STILL_LOOKS {
             check_stop(io.stop)?;
             self.observe(io, FramePurpose::Pulse)?;
-            still = if self.scene.is_still(&self.frame) { still + 1 } else { 0 };
+            // it no longer swings and was not knocked
+            let is_still = self.scene.swing_px(&self.frame).is_some_and(|px| px < STILL_PX);
+            still = if is_still { still + 1 } else { 0 };
         }
         Continue(())
     }

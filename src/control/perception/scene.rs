@@ -10,8 +10,6 @@ use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
 use upm_perception::vision::{PlateWatch, Table, TableMotion, TableWatch, Track};
 
-/// Displacement of a corner up to which the plate has swung out, px.
-const STILL_PX: f64 = 0.25;
 /// Durations after which a run ends, s: of stale frames, of frames without a plate, and of a hand in view.
 const STALE_S: f64 = 2.0;
 const DARK_S: f64 = 5.0;
@@ -112,11 +110,6 @@ impl SceneMonitor {
         } else {
             (sight.hidden_share > COVERED).then_some(UnusableFrame::Hidden)
         }
-    }
-
-    /// True when the plate is where it was to a fraction of a pixel: it no longer swings and was not knocked.
-    pub(super) fn is_still(&self, frame: &Frame) -> bool {
-        self.table.check(frame).corner_px().is_some_and(|corner_px| corner_px < STILL_PX)
     }
 
     /// Largest displacement of the plate's corners since the table was located, px; `None` where it is not visible.

@@ -26,7 +26,11 @@ impl Library {
         check_head(&self, &mut faults);
         check_entries(&self, &mut faults);
         check_displacement(&self.displacement, &mut faults);
-        self.fields.iter().for_each(|fields| check_fields(fields, &mut faults));
+        for (k, matrix) in self.fields.iter().flat_map(|fields| fields.twist_from_counts.iter().enumerate()) {
+            let allowed = "forces on x, y and spin that move the plate independently";
+            let path = format!("fields.twist_from_counts[{k}]");
+            faults.require(matrix.try_inverse().is_some(), path, "a singular matrix", allowed);
+        }
         self.plate.iter().for_each(|plate| check_plate(plate, &mut faults));
         if faults.is_empty() && spread_at_center(&self) < MIN_SPREAD {
             faults.push("entries", "parts at the centre flow in one direction only", "flows in two directions");
@@ -145,15 +149,15 @@ fn check_displacement(model: &DisplacementModel, faults: &mut Diagnostics) {
     faults.require(speeds.first() != Some(&0.0), "displacement.speed_mm_s[0]", 0, "a number above 0");
     check_rising("displacement.sustain_s", sustains, "rising numbers not below 0", faults);
     for (name, table) in [("distance_mm", &model.distance_m), ("sd_mm", &model.sd_m)] {
-        check_table(name, table, speeds.len(), sustains.len(), faults);
-    }
-}
-
-fn check_fields(fields: &FieldResponse, faults: &mut Diagnostics) {
-    for (k, matrix) in fields.twist_from_counts.iter().enumerate() {
-        let allowed = "forces on x, y and spin that move the plate independently";
-        let path = format!("fields.twist_from_counts[{k}]");
-        faults.require(matrix.try_inverse().is_some(), path, "a singular matrix", allowed);
+        let (rows, columns) = (speeds.len(), sustains.len());
+        let path = format!("displacement.{name}");
+        let allowed = format!("{rows}, one for each speed");
+        faults.require(table.len() == rows, &path, counted(table.len(), "row"), allowed);
+        for (i, row) in table.iter().enumerate() {
+            let allowed = format!("{columns}, one for each sustain");
+            let found = counted(row.len(), "number");
+            faults.require(row.len() == columns, format!("{path}[{i}]"), found, allowed);
+        }
     }
 }
 
@@ -173,16 +177,5 @@ fn check_rising(path: &str, grid: &[f64], allowed: &str, faults: &mut Diagnostic
     for (i, pair) in grid.windows(2).enumerate() {
         let found = format!("{} after {}", pair[1], pair[0]);
         faults.require(pair[1] > pair[0], format!("{path}[{}]", i + 1), found, allowed);
-    }
-}
-
-fn check_table(name: &str, table: &[Vec<f64>], rows: usize, columns: usize, faults: &mut Diagnostics) {
-    let path = format!("displacement.{name}");
-    let allowed = format!("{rows}, one for each speed");
-    faults.require(table.len() == rows, &path, counted(table.len(), "row"), allowed);
-    for (i, row) in table.iter().enumerate() {
-        let allowed = format!("{columns}, one for each sustain");
-        let found = counted(row.len(), "number");
-        faults.require(row.len() == columns, format!("{path}[{i}]"), found, allowed);
     }
 }
