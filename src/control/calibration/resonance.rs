@@ -10,7 +10,7 @@ use super::{CalibrationFault, CalibrationSession};
 use upm_core::rig::RigModel;
 use upm_core::signal::{Drive, Envelope, MotorArrangement};
 use upm_perception::estimation::{FitFault, OscillatorFit, axis_lines, fit_oscillator};
-use upm_planning::cor_library::{PlateResponse, motor_harmonics};
+use upm_planning::cor_library::motor_harmonics;
 
 /// Longest period of the multisine, s: its first line is at 3.3 Hz, below the resonances of plates on springs.
 const PERIOD_S: f64 = 0.3;
@@ -36,16 +36,6 @@ pub struct AxisResonance {
     /// Acceleration per count (m/s² or rad/s²) as a phasor at each line, with the line's frequency in rad/s. Contains
     /// the free decay of the attack, which the fit removes.
     pub lines: Vec<(f64, Complex<f64>)>,
-}
-
-impl AxisResonance {
-    /// The resonances of x, y and spin in the form a library stores.
-    pub(super) fn plate_response(axes: &[Self; 3]) -> PlateResponse {
-        PlateResponse {
-            natural_radps: axes.each_ref().map(|axis| axis.fit.natural_radps),
-            damping_ratio: axes.each_ref().map(|axis| axis.fit.damping_ratio),
-        }
-    }
 }
 
 /// Finds the resonances of x, y and spin; the accelerometers' gains must be known. `None` where the rig's longest
