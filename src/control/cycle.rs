@@ -157,7 +157,10 @@ impl ControlCycle<'_, '_> {
             self.probe()?;
             return self.observe_at_rest();
         }
-        self.warn_of_blocked(&wanted.blocked);
+        for &part in &wanted.blocked {
+            let reason = format!("{} is blocked: no free path to its target", self.params.id(part));
+            self.warn(Found::about(Finding::PartBlocked, part), reason);
+        }
         if let Some(LateLap { lap, took_s, asked_s }) = wanted.late_lap {
             let reason = format!("lap {lap} took {took_s:.1} s of plate time, {asked_s:.1} s are asked");
             self.warn(Finding::LapLate, reason);
@@ -244,14 +247,6 @@ impl ControlCycle<'_, '_> {
             return step_m;
         }
         step_m * CAUTIOUS_SHARE.max(CAUTIOUS_STEP_M / length_m)
-    }
-
-    /// Notes the parts whose targets no path reaches.
-    fn warn_of_blocked(&mut self, blocked: &[usize]) {
-        for &part in blocked {
-            let reason = format!("{} is blocked: no free path to its target", self.params.id(part));
-            self.warn(Found::about(Finding::PartBlocked, part), reason);
-        }
     }
 
     /// Notes each part that moves much less far than calibration predicts.

@@ -38,7 +38,7 @@ pub enum UnusableFrame {
 }
 
 /// Distinguishes frames of the present from old ones.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Freshness {
     frame_s: f64,
     exposure_s: f64,
@@ -59,18 +59,7 @@ pub struct Freshness {
 impl Freshness {
     /// A check for a camera of this frame rate and exposure.
     pub fn new(frame_hz: f64, exposure_s: f64) -> Self {
-        let seen = std::array::from_fn(|_| Vec::with_capacity(REMEMBERED));
-        Self {
-            frame_s: frame_hz.recip(),
-            exposure_s,
-            last: None,
-            seen,
-            noisy: [false; BANDS],
-            middle: Default::default(),
-            positions: None,
-            changed: false,
-            frames: 0,
-        }
+        Self { frame_s: frame_hz.recip(), exposure_s, ..Self::default() }
     }
 
     /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present.

@@ -32,7 +32,8 @@ impl Library {
             faults.require(matrix.try_inverse().is_some(), path, "a singular matrix", allowed);
         }
         self.plate.iter().for_each(|plate| check_plate(plate, &mut faults));
-        if faults.is_empty() && spread_at_center(&self) < MIN_SPREAD {
+        let at_center = self.entries.iter().map(|entry| entry.pump.direction_at(Vec2::zeros()));
+        if faults.is_empty() && flow_eigenvalues(at_center)[1] < MIN_SPREAD {
             faults.push("entries", "parts at the centre flow in one direction only", "flows in two directions");
         }
         faults.into_result(Some(self))
@@ -107,11 +108,11 @@ fn field_faults(response: Option<&FieldResponse>, rig: &RigModel) -> Vec<Diagnos
     .collect()
 }
 
-/// Smaller eigenvalue of the sum of τ τ^T over all entries, with τ the unit flow at the plate's centre.
-fn spread_at_center(library: &Library) -> f64 {
-    let flows = library.entries.iter().map(|entry| entry.pump.direction_at(Vec2::zeros()));
+/// Eigenvalues of the sum of τ τ^T over all flows τ, the larger first.
+pub(crate) fn flow_eigenvalues(flows: impl Iterator<Item = Vec2>) -> [f64; 2] {
     let (xx, xy, yy) = flows.fold((0.0, 0.0, 0.0), |(xx, xy, yy), t| (xx + t.x * t.x, xy + t.x * t.y, yy + t.y * t.y));
-    0.5 * (xx + yy) - (0.5 * (xx - yy)).hypot(xy)
+    let (middle, spread) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+    [middle + spread, middle - spread]
 }
 
 const AXES: [&str; 3] = ["x", "y", "spin"];

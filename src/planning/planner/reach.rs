@@ -1,4 +1,4 @@
-use crate::cor_library::{Entry, Library};
+use crate::cor_library::{Entry, Library, flow_eigenvalues};
 use upm_core::geometry::Vec2;
 
 /// Reach of a library at one position.
@@ -64,7 +64,7 @@ impl Reach {
             model.sd(speed, longest_s.unwrap_or(0.0)) * along
         });
         Self {
-            singular_values: singular_values(&flows),
+            singular_values: flow_eigenvalues(flows.iter().copied()).map(|value| value.max(0.0).sqrt()),
             weakest_direction,
             weakest_projection,
             longest_step_m,
@@ -94,12 +94,4 @@ fn shortest_step(library: &Library, position_m: Vec2, direction: Vec2, least_m: 
         suits.then(|| along * model.min_distance(speed_mps))
     };
     library.entries.iter().filter_map(shortest).reduce(f64::min)
-}
-
-/// Singular values of the 2 × M matrix of `flows`, from the eigenvalues of its 2 × 2 product with itself.
-fn singular_values(flows: &[Vec2]) -> [f64; 2] {
-    let (xx, xy, yy) =
-        flows.iter().fold((0.0, 0.0, 0.0), |(xx, xy, yy), f| (xx + f.x * f.x, xy + f.x * f.y, yy + f.y * f.y));
-    let (middle, spread) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
-    [(middle + spread).sqrt(), (middle - spread).max(0.0).sqrt()]
 }

@@ -4,7 +4,7 @@ use upm_core::time::PlateTime;
 
 /// Parameters of the paper's first task (section 3.4, Fig. 13): one part goes to the centre by translations along x,
 /// then y, and then follows the branches of a plus sign clockwise: out to the edge, back to the centre, next branch.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlusSignParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
@@ -65,7 +65,7 @@ impl PathSegment {
 }
 
 /// Task that follows [`PlusSignParams`]. It steers the first part; others keep their first position as subgoal.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct PlusSign {
     params: PlusSignParams,
     /// Number of legs driven.
@@ -85,16 +85,7 @@ pub struct PlusSign {
 impl PlusSign {
     /// A new task with these parameters. A branch too short for the part has no length.
     pub fn new(params: PlusSignParams) -> Self {
-        Self {
-            params,
-            leg: 0,
-            segment: PathSegment::default(),
-            before_m: Vec2::zeros(),
-            gone_m: 0.0,
-            seen_m: Vec::new(),
-            first_seen_m: Vec::new(),
-            furthest: 0.0,
-        }
+        Self { params, ..Self::default() }
     }
 
     /// Distance of the part's centre from the plate's centre at the end of a branch, m.

@@ -55,7 +55,7 @@ pub struct TrajectoriesParams {
 /// Task that follows [`TrajectoriesParams`]. First all parts go to the first waypoints of their paths; from then on a
 /// reference runs along each path in plate time, and waits where its part lags. A subgoal is the reference's position
 /// at the end of the cycle.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Trajectories {
     params: TrajectoriesParams,
     approach: Option<PathFollower>,
@@ -72,17 +72,7 @@ pub struct Trajectories {
 impl Trajectories {
     /// A new task with these parameters.
     pub fn new(params: TrajectoriesParams) -> Self {
-        Self {
-            params,
-            approach: None,
-            followers: Vec::new(),
-            begun_at: None,
-            lap_begun_at: PlateTime::ZERO,
-            laps: 0,
-            late_lap: None,
-            looked_at: None,
-            cycle_s: FIRST_CYCLE_S,
-        }
+        Self { params, cycle_s: FIRST_CYCLE_S, ..Self::default() }
     }
 
     fn begin(&mut self, parts_in_table_m: &[Vec2]) -> PathFollower {
