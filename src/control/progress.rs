@@ -177,8 +177,8 @@ impl ProgressWatch {
         format!("{} is {way_mm:.2} mm from its place, which is towards {direction_deg:.0} deg{blocked}", id(part))
     }
 
-    /// The part that is farthest from where it should be, among those that are blocked if there are any, with its vector
-    /// to its target, or on a path to its subgoal, m; `None` without parts.
+    /// The part that is farthest from where it should be, among those that are blocked if there are any, and its way to
+    /// its target, or on a path to its subgoal, m; `None` without parts.
     fn blocking_part(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> Option<(usize, Vec2)> {
         let ends_m = if self.follows_paths { &wanted.subgoals_m } else { &wanted.targets_m };
         let ways = seen_m.iter().zip(ends_m).map(|(seen, end)| end - seen).enumerate();

@@ -14,8 +14,8 @@ use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverError, So
 /// Sparse matrix, compressed by columns.
 pub type Matrix = CscMatrix<f64>;
 
-/// Cone of the given number of rows: `ZeroConeT` for equalities, every s is 0; `NonnegativeConeT` for inequalities, no s
-/// is negative; `SecondOrderConeT`, the first s is at least as large as the norm of the others.
+/// Cone of the given number of rows: `ZeroConeT` for equalities, every s is 0; `NonnegativeConeT` for inequalities, no
+/// s is negative; `SecondOrderConeT`, the first s is at least as large as the norm of the others.
 pub type Cone = SupportedConeT<f64>;
 
 /// Writes a sparse matrix column by column, the rows of each in rising order.
