@@ -98,10 +98,12 @@ impl Freshness {
                 self.noisy[band] = hash.is_some() && seen.last() != Some(&hash);
             }
             if !self.noisy[band] {
-                let middle = row(frame, band * rows + rows / 2);
-                self.noisy[band] = differ(middle, &self.middle[band]);
-                self.middle[band].clear();
-                self.middle[band].extend_from_slice(middle);
+                // empty below the frame
+                let y = band * rows + rows / 2;
+                let middle = frame.pixels.get(y * frame.width..(y + 1) * frame.width).unwrap_or_default();
+                let before = std::mem::replace(&mut self.middle[band], middle.to_vec());
+                let differing = middle.iter().zip(&before).filter(|(pixel, before)| pixel != before).count();
+                self.noisy[band] = differing as f64 > NOISY_SHARE * middle.len() as f64;
             }
             self.changed |= seen.last().is_some_and(|last| *last != hash);
             repeated |= self.frames > 1 && self.noisy[band] && hash.is_some() && seen.contains(&hash);
@@ -113,17 +115,6 @@ impl Freshness {
         self.frames += 1;
         repeated
     }
-}
-
-/// Row `y`; empty below the frame.
-fn row(frame: &Frame, y: usize) -> &[u8] {
-    frame.pixels.get(y * frame.width..(y + 1) * frame.width).unwrap_or_default()
-}
-
-/// True when two pictures of a row differ by noise.
-fn differ(row: &[u8], before: &[u8]) -> bool {
-    let count = row.iter().zip(before).filter(|(pixel, before)| pixel != before).count();
-    count as f64 > NOISY_SHARE * row.len() as f64
 }
 
 /// Hash of some of the `rows`; `None` where all their pixels are equal: black or white shows no noise.
