@@ -31,7 +31,7 @@ mod steering;
 
 use steering::SteeringMotion;
 use upm_core::rig::RigModel;
-use upm_planning::cor_library::{Entry, FieldResponse, Library};
+use upm_planning::cor_library::{Entry, FieldResponse, Library, PlateResponse};
 
 pub use axes::Axes;
 pub use fault::{CalibrationFault, CoilFault, MiswiredChannel, RigComponent};
@@ -94,7 +94,10 @@ impl CalibrationSession<'_> {
     pub fn library(mut self, fingerprint: &str, params: &CalibrationParams) -> Result<Library, CalibrationFault> {
         let (model, session) = (self.model, &mut self);
         let axes = axes::measure(session, params)?;
-        let plate = resonance::measure(session)?.as_ref().map(AxisResonance::plate_response);
+        let plate = resonance::measure(session)?.map(|axes| PlateResponse {
+            natural_radps: axes.each_ref().map(|axis| axis.fit.natural_radps),
+            damping_ratio: axes.each_ref().map(|axis| axis.fit.damping_ratio),
+        });
         session.plate = plate.unwrap_or_default();
         let motions = displacement::motions(0.5 * model.plate_side_m, params.gentle_mps);
         let mut library = Library {

@@ -157,7 +157,10 @@ impl ControlCycle<'_, '_> {
             self.probe()?;
             return self.observe_at_rest();
         }
-        self.warn_of_blocked(&wanted.blocked);
+        for &part in &wanted.blocked {
+            let reason = format!("{} is blocked: no free path to its target", self.params.id(part));
+            self.warn(Found::about(Finding::PartBlocked, part), reason);
+        }
         if let Some(LateLap { lap, took_s, asked_s }) = wanted.late_lap {
             let reason = format!("lap {lap} took {took_s:.1} s of plate time, {asked_s:.1} s are asked");
             self.warn(Finding::LapLate, reason);
@@ -181,7 +184,10 @@ impl ControlCycle<'_, '_> {
             self.check_limits()?;
             self.play(pulse, if number == plan.pulses.len() { FramePurpose::Cycle } else { FramePurpose::Pulse })?;
             *last_pulse_at = self.io.rig.now();
-            self.search_missing()?;
+            // waits for a part that was not seen for long and may be lost, without playing anything meanwhile
+            if self.perception.frames_missing() > self.params.lost_after_frames && !self.perception.motors_stopped {
+                self.observe_at_rest()?;
+            }
             if self.perception.invalidates_plan() {
                 break;
             }
@@ -243,14 +249,6 @@ impl ControlCycle<'_, '_> {
         step_m * CAUTIOUS_SHARE.max(CAUTIOUS_STEP_M / length_m)
     }
 
-    /// Notes the parts whose targets no path reaches.
-    fn warn_of_blocked(&mut self, blocked: &[usize]) {
-        for &part in blocked {
-            let reason = format!("{} is blocked: no free path to its target", self.params.id(part));
-            self.warn(Found::about(Finding::PartBlocked, part), reason);
-        }
-    }
-
     /// Notes each part that moves much less far than calibration predicts.
     fn warn_of_slow_parts(&mut self) {
         for part in 0..self.params.parts.len() {
@@ -275,14 +273,6 @@ impl ControlCycle<'_, '_> {
 
     fn check_stop(&self) -> OrEnd {
         check_stop(self.io.stop)
-    }
-
-    /// Waits for a part that was not seen for long and may be lost, without playing anything meanwhile.
-    fn search_missing(&mut self) -> OrEnd {
-        if self.perception.frames_missing() > self.params.lost_after_frames && !self.perception.motors_stopped {
-            self.observe_at_rest()?;
-        }
-        Continue(())
     }
 
     /// Captures frames until one at rest shows every part; a part that stays missing is lost.

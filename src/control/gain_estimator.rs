@@ -9,6 +9,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::PulsePositions;
 use upm_core::geometry::Vec2;
 use upm_planning::planner::PlannedPulse;
 
@@ -26,21 +27,6 @@ const RANGE: (f64, f64) = (0.4, 2.5);
 
 /// Gain increment of the second forecast of an observation.
 pub(super) const MORE: f64 = 0.05;
-
-/// Forecast and measured effect of one pulse; each m, in the order of the parts.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PulseObservation<'a> {
-    /// Positions before the pulse.
-    pub before_m: &'a [Vec2],
-    /// Forecast after it with the current gains.
-    pub forecast_m: &'a [Vec2],
-    /// Forecast after it with gains larger by [`MORE`].
-    pub with_more_m: &'a [Vec2],
-    /// Measured after it.
-    pub measured_m: &'a [Vec2],
-    /// Error of the forecast at the true gains.
-    pub scatter: ForecastDeviation,
-}
 
 /// Standard deviation of a forecast's error that remains at the true gains.
 #[derive(Clone, Copy, Debug)]
@@ -62,11 +48,6 @@ impl ForecastDeviation {
             PlannedPulse::Rotation(_) => Self { least_m: 0.03e-3, of_step: 0.0, of_ratio: 0.02 },
             PlannedPulse::Field(_) => Self { least_m: 0.2e-3, of_step: 0.03, of_ratio: 0.06 },
         }
-    }
-
-    /// Standard deviation after a step of `step_m`, m.
-    pub(super) fn sd_m(self, step_m: f64) -> f64 {
-        self.least_m + self.of_step * step_m
     }
 }
 
@@ -99,10 +80,11 @@ impl GainEstimator {
         1.0 + if part < self.parts { self.state[part] } else { 0.0 }
     }
 
-    /// Updates the gains from one pulse.
-    pub(super) fn learn(&mut self, observation: &PulseObservation<'_>) {
-        let forecasts = observation.forecast_m.iter().zip(observation.with_more_m);
-        let each = observation.before_m.iter().zip(forecasts).zip(observation.measured_m).take(self.parts).enumerate();
+    /// Updates the gains from one pulse: positions before and after it, its forecast with gains larger by [`MORE`], and
+    /// the error of the forecast at the true gains.
+    pub(super) fn learn(&mut self, seen: &PulsePositions, with_more_m: &[Vec2], scatter: ForecastDeviation) {
+        let forecasts = seen.by_learning_m.iter().zip(with_more_m);
+        let each = seen.before_m.iter().zip(forecasts).zip(&seen.after_m).take(self.parts).enumerate();
         for (part, ((before, (forecast, with_more)), measured)) in each {
             let per_gain = (with_more - forecast) / MORE;
             let length_m = per_gain.norm();
@@ -111,8 +93,8 @@ impl GainEstimator {
             }
             let off = (measured - forecast).dot(&per_gain) / per_gain.norm_squared();
             if off.abs() < FARTHEST {
-                let scatter_m = observation.scatter.sd_m((forecast - before).norm());
-                let variance = observation.scatter.of_ratio.powi(2) + (scatter_m / length_m).powi(2);
+                let scatter_m = scatter.least_m + scatter.of_step * (forecast - before).norm();
+                let variance = scatter.of_ratio.powi(2) + (scatter_m / length_m).powi(2);
                 self.correct(self.pattern(part, *before), off, variance);
             }
         }
@@ -165,13 +147,13 @@ mod tests {
             before_m.iter().zip(steps_m).enumerate().map(|(i, (p, step))| p + step * gain(i)).collect()
         };
         let held: Vec<f64> = before_m.iter().enumerate().map(|(i, &p)| gains.get(i, p)).collect();
-        gains.learn(&PulseObservation {
-            before_m,
-            forecast_m: &ends(&|i| held[i]),
-            with_more_m: &ends(&|i| held[i] + MORE),
-            measured_m: &ends(&|i| ratios[i]),
-            scatter: SCATTER,
-        });
+        let seen = PulsePositions {
+            before_m: before_m.to_vec(),
+            after_m: ends(&|i| ratios[i]),
+            by_library_m: Vec::new(),
+            by_learning_m: ends(&|i| held[i]),
+        };
+        gains.learn(&seen, &ends(&|i| held[i] + MORE), SCATTER);
     }
 
     fn taught(truth: impl Fn(usize, Vec2) -> f64) -> GainEstimator {

@@ -9,9 +9,9 @@ mod steps;
 use upm_core::job::Finding;
 
 pub(super) use delay::{DelayGuard, PictureLag, PlateSwing, SwingVerdict};
-pub(super) use freshness::{Freshness, StaleReason, StillnessGuard};
+pub(super) use freshness::{Freshness, StillnessGuard, UnusableFrame};
 pub(super) use motion::{CoilResponses, MotionFinding, MotionGuard, PulseReading};
-pub(super) use steps::{PulseOutcome, StepDeviation, StepGuard, went};
+pub(super) use steps::{PulseOutcome, StepGuard, went};
 
 /// The active guards: all except one that a test may disable to prove that its absence is noticed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -9,15 +9,15 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use self::first_observation::find_table;
 use self::naming::name_parts;
-use self::scene::{SceneMonitor, UnusableFrame};
+use self::scene::SceneMonitor;
 use self::settling::{PlateInImage, SWING_S};
 use super::findings::Findings;
-use super::guards::{DelayGuard, Guards, StillnessGuard};
+use super::guards::{DelayGuard, Guards, StillnessGuard, UnusableFrame};
 use super::run_end::{OrEnd, RunEnd, flow};
 use super::{FrameFacts, LocalisedFacts, RunIo, Sink};
-use upm_core::geometry::{Lens, Vec2};
+use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
-use upm_core::rig::{PartKind, Rig};
+use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
 use upm_perception::vision::{CoinFinder, Table, Track, Tracker};
@@ -64,9 +64,7 @@ pub struct Perception {
     scene: SceneMonitor,
     guards: Guards,
     kinds: Vec<PartKind>,
-    lens: Lens,
-    dark_parts: bool,
-    half_exposure_s: f64,
+    model: RigModel,
     blind_after_s: f64,
     /// Time since which nothing can be seen, and the reason.
     blind: Option<(PlateTime, UnusableFrame)>,
@@ -82,7 +80,6 @@ pub struct Perception {
     /// number of those that did arrive.
     missing: (f64, u32),
     observed_at: PlateTime,
-    frame_hz: f64,
     /// Number of consecutive frames that show a part off the plate.
     off_plate: u32,
     /// True when the table was located anew since the last pulse began: its frames are no evidence about that pulse.
@@ -108,8 +105,7 @@ impl Perception {
         let localise_us = (io.clock.elapsed() - started).as_secs_f64() * 1e6;
         io.sink.localised(&LocalisedFacts { frame: &frame, table: &table, detections: &detections, localise_us });
         let expected_m = detections.iter().map(|detection| (detection.position_m, REACH_M)).collect();
-        let mut scene = SceneMonitor::new(&table, model, kinds);
-        scene.see_first(&frame, io.rig.now());
+        let scene = SceneMonitor::new(&table, model, kinds, &frame, io.rig.now());
         let tracker = Tracker::new(&table, model.frame_size_px, kinds, model.dark_parts, detections);
         Continue(Self {
             frame,
@@ -118,9 +114,7 @@ impl Perception {
             scene,
             guards,
             kinds: kinds.to_vec(),
-            lens: model.lens,
-            dark_parts: model.dark_parts,
-            half_exposure_s: 0.5 * model.exposure_s,
+            model: model.clone(),
             blind_after_s: (BLIND_FRAMES / model.frame_hz).min(BLIND_S.max(1.5 / model.frame_hz)),
             blind: None,
             motors_stopped: false,
@@ -131,7 +125,6 @@ impl Perception {
             foreign: 0,
             missing: (0.0, 0),
             observed_at: PlateTime::default(),
-            frame_hz: model.frame_hz,
             off_plate: 0,
             relocated: false,
             expected_m,
@@ -152,7 +145,7 @@ impl Perception {
         if swing_px.is_some_and(|px| px > SWINGS_PX) {
             self.still_from = self.still_from.max((self.frame.exposed_at + QUIET_SWING_S).min(self.still_by));
         }
-        let at_rest = self.frame.exposed_at - io.rig.settled_at().max(self.still_from) >= self.half_exposure_s;
+        let at_rest = self.frame.exposed_at - io.rig.settled_at().max(self.still_from) >= 0.5 * self.model.exposure_s;
         let start = io.clock.elapsed();
         let stale = self.stale(io.rig.now(), swing_px);
         if stale.is_some() {
@@ -184,7 +177,7 @@ impl Perception {
         }
         self.off_plate =
             if self.tracker.tracks().iter().any(|track| self.is_off_plate(track)) { self.off_plate + 1 } else { 0 };
-        let frames = self.frame.exposed_at.secs_since(self.observed_at) * self.frame_hz;
+        let frames = self.frame.exposed_at.secs_since(self.observed_at) * self.model.frame_hz;
         // a time stamp in the future must not stop the count
         self.observed_at = self.observed_at.max(self.frame.exposed_at.min(io.rig.now()));
         self.missing = match (self.frames_missing(), swing_px) {
@@ -201,13 +194,13 @@ impl Perception {
 
     /// The view and the plate's place in a frame at rest.
     fn examine(&mut self) -> (Option<UnusableFrame>, PlateInImage) {
-        let seen = self.scene.examine(&self.frame, self.tracker.tracks());
-        let blind = seen.blind.filter(|blind| self.guards.has(blind.finding()));
+        let (blind, place) = self.scene.examine(&self.frame, self.tracker.tracks());
+        let blind = blind.filter(|blind| self.guards.has(blind.finding()));
         // while a part is missing, an object on the plate may be that part
         let is_foreign =
-            seen.foreign_m.is_some() && self.frames_missing() == 0 && self.guards.has(Finding::ForeignPart);
+            self.scene.foreign_m.is_some() && self.frames_missing() == 0 && self.guards.has(Finding::ForeignPart);
         self.foreign = if is_foreign && blind.is_none() { self.foreign + 1 } else { 0 };
-        let place = if self.guards.has(Finding::CameraMoved) { seen.place } else { PlateInImage::Same };
+        let place = if self.guards.has(Finding::CameraMoved) { place } else { PlateInImage::Same };
         (blind, place)
     }
 
@@ -217,7 +210,7 @@ impl Perception {
         let Some(why) = blind else {
             if let Some((_, UnusableFrame::Dark | UnusableFrame::Hidden)) = self.blind.take() {
                 // the plate's appearance behind a hand is unreliable
-                self.scene.forget_plate(&self.table, &self.frame, &self.kinds, self.dark_parts);
+                self.scene.forget_plate(&self.table, &self.frame, &self.kinds, self.model.dark_parts);
                 self.foreign = 0;
             }
             return Continue(());
@@ -238,16 +231,10 @@ impl Perception {
     }
 
     fn settle_foreign(&mut self, sink: &mut dyn Sink) -> OrEnd {
-        let at = self.frame.exposed_at;
-        match self.scene.foreign_m.filter(|_| self.foreign >= FOREIGN) {
-            Some(at_m) => {
-                let at_mm = at_m * 1e3;
-                let reason =
-                    format!("something that is no part of the job lies at ({:.0}, {:.0}) mm", at_mm.x, at_mm.y);
-                Break(self.findings.end_by(at, Finding::ForeignPart, reason, sink))
-            }
-            None => Continue(()),
-        }
+        let Some(at_m) = self.scene.foreign_m.filter(|_| self.foreign >= FOREIGN) else { return Continue(()) };
+        let at_mm = at_m * 1e3;
+        let reason = format!("something that is no part of the job lies at ({:.0}, {:.0}) mm", at_mm.x, at_mm.y);
+        Break(self.findings.end_by(self.frame.exposed_at, Finding::ForeignPart, reason, sink))
     }
 
     /// Ends the current pulse, if any; the plate swings on for a while.

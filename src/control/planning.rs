@@ -68,14 +68,14 @@ impl<'a> Planning<'a> {
         let corridors: Vec<_> = wanted.paths.iter().map(|path| path.as_ref().map(corridor)).collect();
         let mut stopped_by = String::new();
         self.planner.limit_stride(wanted.stride_m);
-        for attempt in fallbacks(whole, self.planner.tries_smaller()) {
-            let plan = self.planner.plan(&attempt.parts, &corridors);
-            tried(&plan, attempt.is_part)?;
+        for (steps, is_part) in fallbacks(whole, self.planner.tries_smaller()) {
+            let plan = self.planner.plan(&steps, &corridors);
+            tried(&plan, is_part)?;
             match &plan.status {
-                PlanStatus::NothingToDo if attempt.is_part => continue,
+                PlanStatus::NothingToDo if is_part => continue,
                 PlanStatus::Solved | PlanStatus::NothingToDo => return Continue(plan),
                 PlanStatus::Infeasible(_) | PlanStatus::SolverFailed(_) => {
-                    stopped_by = self.no_plan_reason(&plan.status)
+                    stopped_by = no_plan_reason(&plan.status, self.params.method, |part| self.params.id(part));
                 }
             }
             self.watch.note(&plan.status);
@@ -145,35 +145,22 @@ impl<'a> Planning<'a> {
         let is_there = |(seen, subgoal): (&Vec2, &Vec2)| (subgoal - seen).norm() <= self.params.tolerance_m;
         self.params.endless && seen_m.iter().zip(&wanted.subgoals_m).all(is_there)
     }
-
-    /// The reason, for people, that a plan has no pulses.
-    pub fn no_plan_reason(&self, status: &PlanStatus) -> String {
-        no_plan_reason(status, self.params.method, |part| self.params.id(part))
-    }
 }
 
-/// An attempt at a plan: the steps to try.
-#[derive(Clone, Debug, PartialEq)]
-struct FallbackStep {
-    /// The parts with these steps.
-    parts: Vec<PartState>,
-    /// True when this is a share of the wanted steps only.
-    is_part: bool,
-}
-
-/// The attempts in order of preference; without smaller steps of all parts for a planner that tries them itself.
-fn fallbacks(whole: &[PartState], tries_smaller: bool) -> impl Iterator<Item = FallbackStep> + '_ {
+/// The attempts at a plan in order of preference: the parts with the steps to try, and whether these are a share of the
+/// wanted steps only. Without smaller steps of all parts for a planner that tries them itself.
+fn fallbacks(whole: &[PartState], tries_smaller: bool) -> impl Iterator<Item = (Vec<PartState>, bool)> + '_ {
     let fractions = if tries_smaller { &FRACTIONS[..1] } else { &FRACTIONS };
-    let together = fractions.iter().map(|&part| FallbackStep {
-        parts: whole.iter().map(|state| PartState { step_m: part * state.step_m, ..*state }).collect(),
-        is_part: part < 1.0,
+    let together = fractions.iter().map(|&part| {
+        let shorter = whole.iter().map(|state| PartState { step_m: part * state.step_m, ..*state });
+        (shorter.collect::<Vec<_>>(), part < 1.0)
     });
     let mut longest_first: Vec<usize> = (0..whole.len()).collect();
     longest_first.sort_by(|&a, &b| whole[b].step_m.norm().total_cmp(&whole[a].step_m.norm()).then(a.cmp(&b)));
     let alone = longest_first.into_iter().map(|moving| {
         let step_m = |part: usize| if part == moving { whole[part].step_m } else { Vec2::zeros() };
         let parts = whole.iter().enumerate().map(|(part, state)| PartState { step_m: step_m(part), ..*state });
-        FallbackStep { parts: parts.collect(), is_part: true }
+        (parts.collect::<Vec<_>>(), true)
     });
     let several = whole.len() > 1;
     together.chain(alone.filter(move |_| several))
@@ -188,13 +175,16 @@ mod tests {
         let state =
             |x: f64| PartState { position_m: Vec2::zeros(), step_m: Vec2::new(x, 0.0), radius_m: 0.01, gain: 1.0 };
         let whole = [state(0.002), state(0.008)];
-        let tried: Vec<FallbackStep> = fallbacks(&whole, false).collect();
-        let steps: Vec<[f64; 2]> = tried.iter().map(|a| [a.parts[0].step_m.x, a.parts[1].step_m.x]).collect();
+        let tried: Vec<(Vec<PartState>, bool)> = fallbacks(&whole, false).collect();
+        let steps: Vec<[f64; 2]> = tried.iter().map(|(a, _)| [a[0].step_m.x, a[1].step_m.x]).collect();
         let expected = [[0.002, 0.008], [0.001, 0.004], [0.0005, 0.002], [0.00025, 0.001], [0.0, 0.008], [0.002, 0.0]];
         assert_eq!(steps, expected);
-        assert_eq!(tried.iter().map(|a| a.is_part).collect::<Vec<_>>(), [false, true, true, true, true, true]);
+        assert_eq!(
+            tried.iter().map(|(_, is_part)| *is_part).collect::<Vec<_>>(),
+            [false, true, true, true, true, true]
+        );
         assert_eq!(fallbacks(&whole[..1], false).count(), 4, "one part is always alone");
-        let steps: Vec<f64> = fallbacks(&whole, true).map(|a| a.parts[1].step_m.x).collect();
+        let steps: Vec<f64> = fallbacks(&whole, true).map(|(a, _)| a[1].step_m.x).collect();
         assert_eq!(steps, [0.008, 0.008, 0.0], "the planner has tried the smaller ones");
     }
 }

@@ -75,15 +75,6 @@ impl StallCounter {
     }
 }
 
-/// The part that hinders progress: the farthest from where it should be.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct BlockingPart {
-    /// Index of the part.
-    part: usize,
-    /// Vector to its target, or on a path to its subgoal, m.
-    way_m: Vec2,
-}
-
 impl ProgressWatch {
     /// Watch at the beginning of a run.
     pub fn new(follows_paths: bool, tolerance_m: f64) -> Self {
@@ -177,7 +168,7 @@ impl ProgressWatch {
         seen_m: &[Vec2],
         id: impl Fn(usize) -> &'a str,
     ) -> String {
-        let Some(BlockingPart { part, way_m }) = self.blocking_part(wanted, seen_m) else {
+        let Some((part, way_m)) = self.blocking_part(wanted, seen_m) else {
             return "there are no parts".into();
         };
         let direction_deg = way_m.y.atan2(way_m.x).to_degrees();
@@ -186,15 +177,13 @@ impl ProgressWatch {
         format!("{} is {way_mm:.2} mm from its place, which is towards {direction_deg:.0} deg{blocked}", id(part))
     }
 
-    /// The part that is farthest from where it should be, among those that are blocked if there are any; `None`
-    /// without parts.
-    fn blocking_part(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> Option<BlockingPart> {
+    /// The part that is farthest from where it should be, among those that are blocked if there are any, and its way to
+    /// its target, or on a path to its subgoal, m; `None` without parts.
+    fn blocking_part(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> Option<(usize, Vec2)> {
         let ends_m = if self.follows_paths { &wanted.subgoals_m } else { &wanted.targets_m };
-        let ways =
-            seen_m.iter().zip(ends_m).enumerate().map(|(part, (seen, end))| BlockingPart { part, way_m: end - seen });
-        let is_limiting =
-            |blocking_part: &BlockingPart| wanted.blocked.is_empty() || wanted.blocked.contains(&blocking_part.part);
-        ways.filter(is_limiting).max_by(|a, b| a.way_m.norm_squared().total_cmp(&b.way_m.norm_squared()))
+        let ways = seen_m.iter().zip(ends_m).map(|(seen, end)| end - seen).enumerate();
+        let limiting = ways.filter(|(part, _)| wanted.blocked.is_empty() || wanted.blocked.contains(part));
+        limiting.max_by(|a, b| a.1.norm_squared().total_cmp(&b.1.norm_squared()))
     }
 }
 

@@ -50,11 +50,7 @@ impl RunEnd {
     /// then; any other has not reached its goal.
     pub fn gave_way(completed: bool) -> Self {
         let outcome = if completed { Outcome::Completed } else { Outcome::Cancelled };
-        Self {
-            outcome,
-            cause: Some(StopCause::Asked(StopRequest::GaveWay)),
-            reason: "gave way to another job".to_owned(),
-        }
+        Self { outcome, ..Self::cancelled(StopRequest::GaveWay, "gave way to another job") }
     }
 
     /// True when the run was ended from outside.

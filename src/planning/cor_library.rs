@@ -17,3 +17,4 @@ pub use coil_response::CoilResponse;
 pub(crate) use displacement::bracket;
 pub use drive::{drive_for, motor_harmonics};
 pub use types::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};
+pub(crate) use validate::flow_eigenvalues;

@@ -9,13 +9,14 @@
 //! Equal programs give bit-identical answers: one thread, the built-in LDL factorisation, no time limit, no presolve.
 
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverError, SolverStatus,
-    SupportedConeT, ZeroConeT,
-};
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverError, SolverStatus, SupportedConeT};
 
 /// Sparse matrix, compressed by columns.
-pub struct Matrix(CscMatrix<f64>);
+pub type Matrix = CscMatrix<f64>;
+
+/// Cone of the given number of rows: `ZeroConeT` for equalities, every s is 0; `NonnegativeConeT` for inequalities, no
+/// s is negative; `SecondOrderConeT`, the first s is at least as large as the norm of the others.
+pub type Cone = SupportedConeT<f64>;
 
 /// Writes a sparse matrix column by column, the rows of each in rising order.
 #[derive(Default)]
@@ -41,7 +42,7 @@ impl ColumnWriter {
     pub fn finish(self, rows: usize) -> Matrix {
         let columns = self.ends.len();
         let starts = std::iter::once(0).chain(self.ends).collect();
-        Matrix(CscMatrix::new(rows, columns, starts, self.rows, self.values))
+        Matrix::new(rows, columns, starts, self.rows, self.values)
     }
 }
 
@@ -57,17 +58,6 @@ pub struct Program {
     pub bounds: Vec<f64>,
     /// The cones of s, in the order of the rows.
     pub cones: Vec<Cone>,
-}
-
-/// Cone of the given number of rows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cone {
-    /// Every s is 0: equalities.
-    Zero(usize),
-    /// No s is negative: inequalities.
-    Nonnegative(usize),
-    /// The first s is at least as large as the norm of the others.
-    SecondOrder(usize),
 }
 
 /// A minimiser and its multipliers.
@@ -87,15 +77,7 @@ impl Program {
     /// clarabel where the program's dimensions do not agree.
     pub fn solve(&self) -> Result<Minimiser, String> {
         let Self { hessian, gradient, constraints, bounds, cones } = self;
-        let cones: Vec<SupportedConeT<f64>> = cones
-            .iter()
-            .map(|cone| match *cone {
-                Cone::Zero(rows) => ZeroConeT(rows),
-                Cone::Nonnegative(rows) => NonnegativeConeT(rows),
-                Cone::SecondOrder(rows) => SecondOrderConeT(rows),
-            })
-            .collect();
-        let mut solver = DefaultSolver::new(&hessian.0, gradient, &constraints.0, bounds, &cones, settings())
+        let mut solver = DefaultSolver::new(hessian, gradient, constraints, bounds, cones, settings())
             .map_err(|error: SolverError| error.to_string())?;
         solver.solve();
         match solver.solution.status {
@@ -151,7 +133,7 @@ mod tests {
             gradient: vec![0.0, 0.0],
             constraints: constraints.finish(2),
             bounds: vec![1.0, 0.2],
-            cones: vec![Cone::Zero(1), Cone::Nonnegative(1)],
+            cones: vec![Cone::ZeroConeT(1), Cone::NonnegativeConeT(1)],
         };
         let Minimiser { x, multipliers } = program.solve().unwrap();
         let close = |found: &[f64], expected: [f64; 2]| found.iter().zip(expected).all(|(f, e)| (f - e).abs() < 1e-5);
@@ -171,7 +153,7 @@ mod tests {
                 writer.finish(2)
             },
             bounds: vec![-1.0, -1.0],
-            cones: vec![Cone::Nonnegative(2)],
+            cones: vec![Cone::NonnegativeConeT(2)],
         };
         assert_eq!(program.solve().err().as_deref(), Some("PrimalInfeasible"));
     }
@@ -189,7 +171,7 @@ mod tests {
             gradient: vec![1.0, 1.0],
             constraints: constraints.finish(3),
             bounds: vec![0.1, 1.0, 0.0],
-            cones: vec![Cone::SecondOrder(3)],
+            cones: vec![Cone::SecondOrderConeT(3)],
         };
         let Minimiser { x, .. } = program.solve().unwrap();
         let off = 0.1 * std::f64::consts::FRAC_1_SQRT_2;

@@ -16,7 +16,7 @@ mod font;
 mod pattern;
 mod svg;
 
-pub use curves::{Lissajous, circle_path, closed_from};
+pub use curves::{circle_path, closed_from, lissajous_path};
 pub use document::path_data_of;
 pub use drawing::Drawing;
 pub use font::known_letters;

@@ -20,7 +20,7 @@ mod turns;
 pub use arrange::{Arrange, ArrangeParams};
 pub use hold::{Hold, HoldParams};
 pub use least_effort::Effort;
-pub use path_follower::Motions;
+pub use path_follower::{Motions, PlateScene};
 pub use plus_sign::{PlusSign, PlusSignParams};
 pub use sort::{BinParams, Sort, SortParams};
 pub use trajectories::{PathParams, Trajectories, TrajectoriesParams};

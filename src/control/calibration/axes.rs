@@ -2,7 +2,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Complex, Matrix3};
 
-use super::axis_pulse::{AxisPulse, NAMES};
+use super::axis_pulse::{AROUND, AxisPulse, NAMES};
 use super::coils::CoilGains;
 use super::fault::LEAST_LAG_DEG;
 use super::{CalibrationFault, CalibrationParams, CalibrationSession, MiswiredChannel};
@@ -50,12 +50,8 @@ impl Axes {
 
 /// Amplitudes X1, X2, Y1, Y2 that act on one axis alone (Eq. 7), and the axis amplitude they make.
 fn axis_amplitudes(arrangement: MotorArrangement, axis: usize, counts: i32) -> ([i32; 4], f64) {
-    let (around, amplitude) = match axis {
-        0 => ([counts, -counts, 0, 0], 2.0 * f64::from(counts)),
-        1 => ([0, 0, counts, -counts], 2.0 * f64::from(counts)),
-        _ => ([-counts, -counts, counts, counts], 4.0 * f64::from(counts)),
-    };
-    (arrangement.turned(around), amplitude)
+    let amplitude = AROUND[axis].iter().map(|share| share.abs() * counts).sum::<i32>();
+    (arrangement.turned(AROUND[axis].map(|share| share * counts)), f64::from(amplitude))
 }
 
 pub(super) fn measure(
@@ -105,7 +101,11 @@ fn check(
     let [first, second] = CoilGains::read(pulses, &session.sensors, session.model);
     second.check_working()?;
     for axis in 0..3 {
-        refuse_resonance(axis, shapes[axis], &responses[axis], session.model)?;
+        let lag_deg = -(responses[axis].first / shapes[axis].0[0].phasor()).arg().to_degrees();
+        if lag_deg.is_nan() || lag_deg < LEAST_LAG_DEG {
+            let base_hz = session.model.base_radps / TAU;
+            return Err(CalibrationFault::Resonance { axis: NAMES[axis], lag_deg, base_hz });
+        }
     }
     second.check_gains(&first)
 }
@@ -147,19 +147,6 @@ fn free_mass_speed(axis: usize, model: &RigModel) -> f64 {
     let accel =
         if axis < 2 { force_n / model.plate_mass_kg } else { model.lever_arm_m * force_n / model.plate_inertia_kgm2 };
     accel / model.base_radps
-}
-
-fn refuse_resonance(
-    axis: usize,
-    shape: AxisShape,
-    response: &AxisPhasors,
-    model: &RigModel,
-) -> Result<(), CalibrationFault> {
-    let lag_deg = -(response.first / shape.0[0].phasor()).arg().to_degrees();
-    if lag_deg >= LEAST_LAG_DEG {
-        return Ok(());
-    }
-    Err(CalibrationFault::Resonance { axis: NAMES[axis], lag_deg, base_hz: model.base_radps / TAU })
 }
 
 /// The waveform that makes the axis answer as `A (sin wt + ½ cos 2wt)`, phasors -jA and A/2, from its measured response

@@ -1,9 +1,12 @@
 use super::{CalibrationFault, CalibrationSession};
-use upm_core::signal::{CHANNELS, Drive};
+use upm_core::signal::{CHANNELS, Drive, MOTORS};
 use upm_perception::estimation::{Coefficients, FitFault, TwistFit};
 
 /// Names of the axes in faults.
 pub(super) const NAMES: [&str; 3] = ["axis x", "axis y", "axis spin"];
+
+/// Shares of the motors X1, X2, Y1, Y2 around the plate in a force on x, y or spin alone (Eq. 7).
+pub(super) const AROUND: [[i32; MOTORS]; 3] = [[1, -1, 0, 0], [0, 0, 1, -1], [-1, -1, 1, 1]];
 
 /// A pulse of one axis, played in both directions.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -30,14 +33,10 @@ impl AxisPulse {
         };
         let there = read(session, &drive)?;
         let back = read(session, &drive.clone().reversed())?;
-        let shown = half_difference(&there, &back, &session.sensors.gain);
+        // leaves out everything that does not change sign with the drive
+        let half = |c: usize, k: usize| 0.5 * (there.accel_mps2[c][k] - back.accel_mps2[c][k]);
+        let gain = &session.sensors.gain;
+        let shown = std::array::from_fn(|c| std::array::from_fn(|k| half(c, k) * gain[c]));
         Ok((Self { drive, shown }, [there, back]))
     }
-}
-
-/// Half the difference of the readings, with the channels' gains put back in: leaves out everything that does not
-/// change sign with the drive.
-fn half_difference(there: &TwistFit, back: &TwistFit, gain: &[f64; CHANNELS]) -> [Coefficients; CHANNELS] {
-    let (there, back) = (&there.accel_mps2, &back.accel_mps2);
-    std::array::from_fn(|c| std::array::from_fn(|k| 0.5 * (there[c][k] - back[c][k]) * gain[c]))
 }

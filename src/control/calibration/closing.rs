@@ -16,11 +16,7 @@ pub(super) fn check(session: &mut CalibrationSession<'_>, axes: &Axes) -> Result
         session.report("closing", axis, closing.len());
         closing[axis] = AxisPulse::play(session, axis, opening.drive.clone())?.0;
     }
-    let change = |axis: usize| {
-        let (before, now) = (axes.opening[axis].shown, closing[axis].shown);
-        distance(&before, &now) / size(&before).max(f64::MIN_POSITIVE)
-    };
-    let changes = [0, 1, 2].map(change);
+    let changes = [0, 1, 2].map(|axis| relative_change(&axes.opening[axis].shown, &closing[axis].shown));
     let worst = changes.into_iter().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
     let Some((axis, change)) = worst.filter(|(_, change)| *change > ALLOWED) else { return Ok(()) };
     let (component, change) = channel(&axes.opening, &closing)
@@ -33,10 +29,7 @@ pub(super) fn check(session: &mut CalibrationSession<'_>, axes: &Axes) -> Result
 /// The channel that changed and its relative change, if it is the only one.
 fn channel(opening: &[AxisPulse; 3], closing: &[AxisPulse; 3]) -> Option<(usize, f64)> {
     let all = |pulses: &[AxisPulse; 3], channel: usize| pulses.each_ref().map(|pulse| pulse.shown[channel]);
-    let change = |channel: usize| {
-        let (before, now) = (all(opening, channel), all(closing, channel));
-        distance(&before, &now) / size(&before).max(f64::MIN_POSITIVE)
-    };
+    let change = |channel: usize| relative_change(&all(opening, channel), &all(closing, channel));
     let mut changed = (0..CHANNELS).map(|channel| (channel, change(channel))).filter(|(_, change)| *change > ALLOWED);
     let found = changed.next();
     found.filter(|_| changed.next().is_none())
@@ -52,11 +45,8 @@ fn coil(
     now[1].changed_since(&before[1], ALLOWED).map(|(coil, change)| (RigComponent::Coil(coil), change))
 }
 
-fn distance(before: &[Coefficients], now: &[Coefficients]) -> f64 {
-    let pairs = before.as_flattened().iter().zip(now.as_flattened());
-    pairs.map(|(before, now)| (before - now).powi(2)).sum::<f64>().sqrt()
-}
-
-fn size(shown: &[Coefficients]) -> f64 {
-    shown.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt()
+fn relative_change(before: &[Coefficients], now: &[Coefficients]) -> f64 {
+    let (before, now) = (before.as_flattened(), now.as_flattened());
+    let distance = before.iter().zip(now).map(|(before, now)| (before - now).powi(2)).sum::<f64>().sqrt();
+    distance / before.iter().map(|c| c * c).sum::<f64>().sqrt().max(f64::MIN_POSITIVE)
 }

@@ -71,7 +71,8 @@ impl CoilGains {
             let [coil, other] = swap;
             return Err(CalibrationFault::Coil { coil, fault: CoilFault::Swapped { other } });
         }
-        let (coil, gain) = self.weakest();
+        let gains = Motor::ALL.into_iter().zip(self.gain);
+        let (coil, gain) = gains.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((Motor::X1, f64::NAN));
         if self.misfit > MISFIT || gain >= DEAD {
             return Ok(());
         }
@@ -108,11 +109,6 @@ impl CoilGains {
         let mut off = (0..MOTORS).map(|coil| (Motor::ALL[coil], change(coil))).filter(|(_, change)| *change > allowed);
         let found = off.next().filter(|_| self.misfit <= MISFIT);
         found.filter(|_| off.next().is_none())
-    }
-
-    fn weakest(&self) -> (Motor, f64) {
-        let gains = Motor::ALL.into_iter().zip(self.gain);
-        gains.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((Motor::X1, f64::NAN))
     }
 
     /// The two coils whose exchange explains most of the response, and the share left unexplained.

@@ -5,11 +5,12 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, Vector3};
 
+use super::axis_pulse::AROUND;
 use super::{CalibrationFault, CalibrationSession};
 use upm_core::rig::RigModel;
 use upm_core::signal::{Drive, Envelope, MotorArrangement};
 use upm_perception::estimation::{FitFault, OscillatorFit, axis_lines, fit_oscillator};
-use upm_planning::cor_library::{PlateResponse, motor_harmonics};
+use upm_planning::cor_library::motor_harmonics;
 
 /// Longest period of the multisine, s: its first line is at 3.3 Hz, below the resonances of plates on springs.
 const PERIOD_S: f64 = 0.3;
@@ -35,16 +36,6 @@ pub struct AxisResonance {
     /// Acceleration per count (m/s² or rad/s²) as a phasor at each line, with the line's frequency in rad/s. Contains
     /// the free decay of the attack, which the fit removes.
     pub lines: Vec<(f64, Complex<f64>)>,
-}
-
-impl AxisResonance {
-    /// The resonances of x, y and spin in the form a library stores.
-    pub(super) fn plate_response(axes: &[Self; 3]) -> PlateResponse {
-        PlateResponse {
-            natural_radps: axes.each_ref().map(|axis| axis.fit.natural_radps),
-            damping_ratio: axes.each_ref().map(|axis| axis.fit.damping_ratio),
-        }
-    }
 }
 
 /// Finds the resonances of x, y and spin; the accelerometers' gains must be known. `None` where the rig's longest
@@ -146,12 +137,7 @@ fn free_accel_mps2(axis: usize, model: &RigModel) -> f64 {
 
 /// Phasors of the axis amplitude that `drive` plays, counts (Eq. 7).
 fn axis_force(arrangement: MotorArrangement, drive: &Drive, axis: usize) -> Vec<Complex<f64>> {
-    let around = match axis {
-        0 => [1.0, -1.0, 0.0, 0.0],
-        1 => [0.0, 0.0, 1.0, -1.0],
-        _ => [-1.0, -1.0, 1.0, 1.0],
-    };
-    let signs = arrangement.turned(around);
+    let signs = arrangement.turned(AROUND[axis].map(f64::from));
     let phasor = |k: usize| signs.iter().zip(&drive.motors).map(|(sign, motor)| motor[k].phasor() * *sign).sum();
     (0..drive.motors[0].len()).map(phasor).collect()
 }

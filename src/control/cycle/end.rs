@@ -34,7 +34,7 @@ impl ControlCycle<'_, '_> {
     /// Returns `ending` of a task without an end if two more observations, with the table located anew, agree with the
     /// tracking.
     fn confirmed(&mut self, ending: RunEnd) -> RunEnd {
-        match self.observations_agree() {
+        match self.perception.confirm(self.io) {
             Continue(true) => ending,
             Continue(false) => RunEnd::failed_because(
                 Finding::CameraMoved,
@@ -44,15 +44,11 @@ impl ControlCycle<'_, '_> {
         }
     }
 
-    fn observations_agree(&mut self) -> OrEnd<bool> {
-        self.perception.confirm(self.io)
-    }
-
     /// Ends the run as completed if two more observations, with the table located anew, confirm the goal; otherwise the
     /// run goes on from the positions these observations show.
     pub(super) fn finish(&mut self, reason: String) -> OrEnd<Vec<Vec2>> {
         self.check_limits()?;
-        if self.observations_agree()? {
+        if self.perception.confirm(self.io)? {
             // motion of parts while the plate swings out counts, too
             let (at, places_m) = (self.perception.seen_at(), self.perception.positions_m());
             if self.task.next(at, &places_m).done {
@@ -73,16 +69,15 @@ impl ControlCycle<'_, '_> {
     }
 
     pub(super) fn check_lost(&self) -> OrEnd {
-        if self.is_part_lost() && self.params.guards.has(Finding::PartLost) { Break(self.lost()) } else { Continue(()) }
-    }
-
-    fn lost(&self) -> RunEnd {
+        if !self.is_part_lost() || !self.params.guards.has(Finding::PartLost) {
+            return Continue(());
+        }
         let places = self.perception.positions_m();
         let each = self.perception.missing_parts().into_iter().map(|part| {
             let id = self.params.id(part);
             let place = places.get(part).copied().unwrap_or_default() * 1e3;
             format!("{id} is lost, last seen at ({:.1}, {:.1}) mm", place.x, place.y)
         });
-        RunEnd::failed_because(Finding::PartLost, each.collect::<Vec<_>>().join("; "))
+        Break(RunEnd::failed_because(Finding::PartLost, each.collect::<Vec<_>>().join("; ")))
     }
 }

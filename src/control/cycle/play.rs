@@ -4,10 +4,8 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use super::ControlCycle;
 use crate::found::Found;
-use crate::gain_estimator::{ForecastDeviation, MORE, PulseObservation};
-use crate::guards::{
-    MotionFinding, PictureLag, PlateSwing, PulseOutcome, PulseReading, StepDeviation, SwingVerdict, went,
-};
+use crate::gain_estimator::{ForecastDeviation, MORE};
+use crate::guards::{MotionFinding, PictureLag, PlateSwing, PulseOutcome, PulseReading, SwingVerdict, went};
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
@@ -30,7 +28,9 @@ impl ControlCycle<'_, '_> {
         let (all_seen, before_m) = (self.perception.frames_missing() == 0, self.perception.positions_m());
         let ahead = self.forecasts(&before_m, planned);
         let forecast_m = ahead.as_ref().map(|[_, learned_m, _]| learned_m.as_slice());
-        self.perception.expect_pulse(started_at, forecast_m, self.swing(planned, &drive));
+        let expected = self.coil_responses.expected(planned, &drive);
+        let swing = expected.map(|expected| self.swing_of(expected.wave(), &drive));
+        self.perception.expect_pulse(started_at, forecast_m, swing);
         flow(self.io.rig.play(&drive))?;
         let followed = self.follow(purpose);
         let trace = self.io.rig.trace();
@@ -59,20 +59,13 @@ impl ControlCycle<'_, '_> {
             return Break(cause.unwrap_or(ending));
         }
         if let Some((seen, with_more_m)) = positions.as_ref().zip(with_more_m.as_ref()) {
-            self.planning.gains.learn(&PulseObservation {
-                before_m: &seen.before_m,
-                forecast_m: &seen.by_learning_m,
-                with_more_m,
-                measured_m: &seen.after_m,
-                scatter: ForecastDeviation::of(planned),
-            });
+            self.planning.gains.learn(seen, with_more_m, ForecastDeviation::of(planned));
             self.warn_of_slow_parts();
         }
         if self.perception.motors_stopped {
             return Continue(());
         }
-        let steps = positions.as_ref().map(|seen| (&seen.before_m[..], &seen.by_learning_m[..], &seen.after_m[..]));
-        self.doubt(planned, drive, fit, &sensors, steps)
+        self.doubt(planned, drive, fit, &sensors, positions.as_ref())
     }
 
     /// Tracks the parts until a frame shows everything at rest.
@@ -91,28 +84,24 @@ impl ControlCycle<'_, '_> {
         }
     }
 
-    /// Compares a pulse with its plan: the plate's motion, the parts' steps, the pictures' timing. `steps` are the
-    /// places before it, forecast and measured after it, where all parts were seen.
+    /// Compares a pulse with its plan: the plate's motion, the parts' steps, the pictures' timing. `steps` are there
+    /// where all parts were seen.
     fn doubt(
         &mut self,
         planned: &PlannedPulse,
         drive: &Drive,
         fit: &Result<PlateFit, FitFault>,
         sensors: &AccelerometerPair,
-        steps: Option<(&[Vec2], &[Vec2], &[Vec2])>,
+        steps: Option<&PulsePositions>,
     ) -> OrEnd {
-        let went = steps.and_then(|(before, forecast, after)| went(before, forecast, after));
+        let went = steps.and_then(|steps| went(&steps.before_m, &steps.by_learning_m, &steps.after_m));
         let is_as_planned = self.check_motion(planned, drive, &self.reading(fit, sensors, went))?;
         self.check_picture_delay(is_as_planned)?;
-        let Some((before, forecast, after)) = steps else { return Continue(()) };
-        let Some((part, unlike)) = self.steps.check(before, forecast, after) else { return Continue(()) };
-        let (finding, does) = match unlike {
-            StepDeviation::Stuck => (Finding::PartStuck, "hardly moves"),
-            StepDeviation::Astray => (Finding::PartAstray, "goes the other way"),
-        };
-        if !self.params.guards.has(finding) {
+        let found = steps.and_then(|s| self.steps.check(&s.before_m, &s.by_learning_m, &s.after_m));
+        let Some((part, finding)) = found.filter(|(_, finding)| self.params.guards.has(*finding)) else {
             return Continue(());
-        }
+        };
+        let does = if finding == Finding::PartStuck { "hardly moves" } else { "goes the other way" };
         let reason = format!("{} {does} although four pulses in a row should carry it", self.params.id(part));
         Break(self.end_by(Found::about(finding, part), reason))
     }
@@ -159,7 +148,8 @@ impl ControlCycle<'_, '_> {
     /// Ends a run whose pictures are late. To be called after a pulse; one in which the plate moved off its plan is no
     /// evidence.
     pub(super) fn check_picture_delay(&mut self, is_as_planned: bool) -> OrEnd {
-        let Some(late) = (if is_as_planned { self.perception.late() } else { None }) else { return Continue(()) };
+        let late = if is_as_planned { self.perception.delay.end() } else { None };
+        let Some(late) = late.filter(|_| self.params.guards.has(Finding::CameraLate)) else { return Continue(()) };
         let reason = match late {
             PictureLag::By(frames) => {
                 format!("the plate moves {frames} frames later in the pictures than it is driven")
@@ -171,11 +161,6 @@ impl ControlCycle<'_, '_> {
 
     pub(super) fn sensors(&self) -> AccelerometerPair {
         AccelerometerPair { position_m: self.io.model.accelerometer_in_plate_m, gain: self.library.accelerometer_gain }
-    }
-
-    /// Expected swing of the plate in a pulse; `None` where the library does not give it.
-    fn swing(&self, planned: &PlannedPulse, drive: &Drive) -> Option<PlateSwing> {
-        Some(self.swing_of(self.coil_responses.expected(planned, drive)?.wave(), drive))
     }
 
     /// Expected swing of the plate in a pulse with this velocity at full height.

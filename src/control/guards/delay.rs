@@ -32,7 +32,7 @@ const OTHERWISE: f64 = 0.25;
 
 /// Measures the delay of the pictures from the displacement of the plate's corners in each frame: a sequential test of
 /// the planned swing, shown in time, against the same swing shown later or not at all.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct DelayGuard {
     frame_s: f64,
     /// The last frames, oldest first; frames that never arrived keep their place.
@@ -110,14 +110,7 @@ pub struct PlateSwing {
 impl DelayGuard {
     /// A guard for a camera of this frame rate.
     pub fn new(frame_hz: f64) -> Self {
-        Self {
-            frame_s: frame_hz.recip(),
-            frames: VecDeque::with_capacity(WINDOW + LONGEST),
-            newest: 0,
-            pulses: VecDeque::with_capacity(2),
-            late: [0.0; LONGEST + 1],
-            unseen: 0.0,
-        }
+        Self { frame_s: frame_hz.recip(), ..Self::default() }
     }
 
     /// A pulse begins at `at_s` of plate time; the plate should swing as `swing`.

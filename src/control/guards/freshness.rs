@@ -20,9 +20,9 @@ const STILL_FRAMES: u32 = 3;
 /// Difference between the displacements the plate should have in them, px.
 const SWING_PX: f64 = 0.3;
 
-/// Reason for which a frame does not show the present.
+/// Reason for which a frame is unusable.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum StaleReason {
+pub enum UnusableFrame {
     /// The frame, or part of it, repeats one of the last pictures. Read noise makes every picture of a working camera
     /// unique.
     Repeated,
@@ -31,10 +31,14 @@ pub enum StaleReason {
         /// Age of the time stamp, s; negative for one in the future.
         older_s: f64,
     },
+    /// The frame shows no plate.
+    Dark,
+    /// Something hides part of the plate.
+    Hidden,
 }
 
 /// Distinguishes frames of the present from old ones.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Freshness {
     frame_s: f64,
     exposure_s: f64,
@@ -48,48 +52,32 @@ pub struct Freshness {
     /// Positions in the last frame, where it had them in place of pixels.
     positions: Option<MeasuredPositions>,
     /// True once a frame has differed from the first.
-    changed: bool,
+    pub changed: bool,
     frames: u64,
 }
 
 impl Freshness {
     /// A check for a camera of this frame rate and exposure.
     pub fn new(frame_hz: f64, exposure_s: f64) -> Self {
-        let seen = std::array::from_fn(|_| Vec::with_capacity(REMEMBERED));
-        Self {
-            frame_s: frame_hz.recip(),
-            exposure_s,
-            last: None,
-            seen,
-            noisy: [false; BANDS],
-            middle: Default::default(),
-            positions: None,
-            changed: false,
-            frames: 0,
-        }
+        Self { frame_s: frame_hz.recip(), exposure_s, ..Self::default() }
     }
 
     /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present.
-    pub fn check(&mut self, frame: &Frame, now: PlateTime) -> Option<StaleReason> {
+    pub fn check(&mut self, frame: &Frame, now: PlateTime) -> Option<UnusableFrame> {
         let stamp = self.check_stamp(frame, now);
         let repeated = match &frame.positions {
             Some(positions) => self.check_positions(positions),
             None => self.check_picture(frame),
         };
-        stamp.or(repeated.then_some(StaleReason::Repeated))
+        stamp.or(repeated.then_some(UnusableFrame::Repeated))
     }
 
-    /// True once a frame has differed from the first.
-    pub fn has_changed(&self) -> bool {
-        self.changed
-    }
-
-    fn check_stamp(&mut self, frame: &Frame, now: PlateTime) -> Option<StaleReason> {
+    fn check_stamp(&mut self, frame: &Frame, now: PlateTime) -> Option<UnusableFrame> {
         let before = self.last.replace((frame.index, frame.exposed_at));
         let older_s = now - frame.exposed_at;
         let is_next = before.is_none_or(|(index, at)| frame.index > index && frame.exposed_at > at);
         let in_time = (-self.frame_s..=OLDEST_FRAMES * self.frame_s + self.exposure_s).contains(&older_s);
-        (!is_next || !in_time).then_some(StaleReason::Stamp { older_s })
+        (!is_next || !in_time).then_some(UnusableFrame::Stamp { older_s })
     }
 
     /// True for positions that came before: noise makes each of them unique.
@@ -110,10 +98,12 @@ impl Freshness {
                 self.noisy[band] = hash.is_some() && seen.last() != Some(&hash);
             }
             if !self.noisy[band] {
-                let middle = row(frame, band * rows + rows / 2);
-                self.noisy[band] = differ(middle, &self.middle[band]);
-                self.middle[band].clear();
-                self.middle[band].extend_from_slice(middle);
+                // empty below the frame
+                let y = band * rows + rows / 2;
+                let middle = frame.pixels.get(y * frame.width..(y + 1) * frame.width).unwrap_or_default();
+                let before = std::mem::replace(&mut self.middle[band], middle.to_vec());
+                let differing = middle.iter().zip(&before).filter(|(pixel, before)| pixel != before).count();
+                self.noisy[band] = differing as f64 > NOISY_SHARE * middle.len() as f64;
             }
             self.changed |= seen.last().is_some_and(|last| *last != hash);
             repeated |= self.frames > 1 && self.noisy[band] && hash.is_some() && seen.contains(&hash);
@@ -125,17 +115,6 @@ impl Freshness {
         self.frames += 1;
         repeated
     }
-}
-
-/// Row `y`; empty below the frame.
-fn row(frame: &Frame, y: usize) -> &[u8] {
-    frame.pixels.get(y * frame.width..(y + 1) * frame.width).unwrap_or_default()
-}
-
-/// True when two pictures of a row differ by noise.
-fn differ(row: &[u8], before: &[u8]) -> bool {
-    let count = row.iter().zip(before).filter(|(pixel, before)| pixel != before).count();
-    count as f64 > NOISY_SHARE * row.len() as f64
 }
 
 /// Hash of some of the `rows`; `None` where all their pixels are equal: black or white shows no noise.
@@ -206,7 +185,7 @@ mod tests {
         frame
     }
 
-    fn check(of: &mut Freshness, frame: &Frame) -> Option<StaleReason> {
+    fn check(of: &mut Freshness, frame: &Frame) -> Option<UnusableFrame> {
         of.check(frame, frame.exposed_at + 0.002)
     }
 
@@ -214,12 +193,12 @@ mod tests {
     fn picture_that_comes_again_is_stale_and_new_ones_are_not() {
         let mut fresh = Freshness::new(60.0, 0.004);
         assert!((1..50).all(|i| check(&mut fresh, &frame(i, i)).is_none()));
-        assert_eq!(check(&mut fresh, &frame(50, 49)), Some(StaleReason::Repeated));
-        assert_eq!(check(&mut fresh, &frame(51, 47)), Some(StaleReason::Repeated), "one of several");
+        assert_eq!(check(&mut fresh, &frame(50, 49)), Some(UnusableFrame::Repeated));
+        assert_eq!(check(&mut fresh, &frame(51, 47)), Some(UnusableFrame::Repeated), "one of several");
         assert_eq!(check(&mut fresh, &frame(52, 52)), None);
         let mut torn = frame(53, 53);
         torn.pixels[..16 * 40].copy_from_slice(&frame(52, 52).pixels[..16 * 40]);
-        assert_eq!(check(&mut fresh, &torn), Some(StaleReason::Repeated), "a quarter of it stands still");
+        assert_eq!(check(&mut fresh, &torn), Some(UnusableFrame::Repeated), "a quarter of it stands still");
     }
 
     #[test]
@@ -232,7 +211,7 @@ mod tests {
         };
         let stale =
             [7.0, 7.01, 7.01, 7.0].into_iter().zip(1..).map(|(x_px, index)| check(&mut fresh, &at(index, x_px)));
-        assert_eq!(stale.collect::<Vec<_>>(), [None, None, Some(StaleReason::Repeated), None]);
+        assert_eq!(stale.collect::<Vec<_>>(), [None, None, Some(UnusableFrame::Repeated), None]);
         let hidden = |index| Frame { positions: Some(MeasuredPositions::default()), ..at(index, 0.0) };
         assert_eq!([5, 6].map(|index| check(&mut fresh, &hidden(index))), [None, None]);
     }
@@ -242,7 +221,7 @@ mod tests {
         let mut fresh = Freshness::new(60.0, 0.004);
         let pictures = [1, 1, 2, 3, 4, 4];
         let stale = (1..).zip(pictures).map(|(i, seed)| check(&mut fresh, &frame(i, seed))).collect::<Vec<_>>();
-        assert_eq!(stale, [None, None, None, None, None, Some(StaleReason::Repeated)]);
+        assert_eq!(stale, [None, None, None, None, None, Some(UnusableFrame::Repeated)]);
     }
 
     #[test]
@@ -258,14 +237,14 @@ mod tests {
     fn stamp_that_does_not_fit_the_present_is_stale() {
         let mut fresh = Freshness::new(60.0, 0.004);
         assert_eq!(check(&mut fresh, &frame(1, 1)), None);
-        assert!(matches!(check(&mut fresh, &frame(1, 2)), Some(StaleReason::Stamp { .. })), "the same number");
+        assert!(matches!(check(&mut fresh, &frame(1, 2)), Some(UnusableFrame::Stamp { .. })), "the same number");
         let late = frame(9, 9);
         assert!(
-            matches!(fresh.check(&late, late.exposed_at + 0.2), Some(StaleReason::Stamp { older_s }) if older_s > 0.19)
+            matches!(fresh.check(&late, late.exposed_at + 0.2), Some(UnusableFrame::Stamp { older_s }) if older_s > 0.19)
         );
         let early = frame(10, 10);
         assert!(
-            matches!(fresh.check(&early, PlateTime::from_secs(0.1)), Some(StaleReason::Stamp { older_s }) if older_s < 0.0)
+            matches!(fresh.check(&early, PlateTime::from_secs(0.1)), Some(UnusableFrame::Stamp { older_s }) if older_s < 0.0)
         );
     }
 

@@ -1,4 +1,5 @@
 use upm_core::geometry::Vec2;
+use upm_core::job::Finding;
 
 /// Forecast steps below this are no evidence, m: among many parts forecasts of synthesised fields are off by up to 1
 /// mm.
@@ -17,15 +18,6 @@ const AS_FORECAST: f64 = 0.5;
 const NEAR_M: f64 = 5e-4;
 const NEAR_OF_STEP: f64 = 0.15;
 
-/// Deviation of a part from its forecasts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StepDeviation {
-    /// It hardly moves.
-    Stuck,
-    /// It moves against its forecast.
-    Astray,
-}
-
 /// Compares the measured step of each part with its forecast.
 #[derive(Clone, Debug, Default)]
 pub struct StepGuard {
@@ -35,13 +27,8 @@ pub struct StepGuard {
 
 impl StepGuard {
     /// Takes the steps of one pulse. Returns the first part that has deviated from its forecasts four times in a row,
-    /// and how.
-    pub fn check(
-        &mut self,
-        before_m: &[Vec2],
-        forecast_m: &[Vec2],
-        after_m: &[Vec2],
-    ) -> Option<(usize, StepDeviation)> {
+    /// and whether it hardly moves or moves against them.
+    pub fn check(&mut self, before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<(usize, Finding)> {
         self.stuck.resize(before_m.len(), 0);
         self.astray.resize(before_m.len(), 0);
         let shortest_m = if before_m.len() > MANY { SHORTEST_OF_MANY_M } else { SHORTEST_M };
@@ -57,9 +44,9 @@ impl StepGuard {
             self.stuck[part] = count(self.stuck[part], went.norm() < STUCK * length_m);
             self.astray[part] = count(self.astray[part], along < -STUCK);
             let unlike = if self.astray[part] >= IN_A_ROW {
-                Some(StepDeviation::Astray)
+                Some(Finding::PartAstray)
             } else {
-                (self.stuck[part] >= IN_A_ROW).then_some(StepDeviation::Stuck)
+                (self.stuck[part] >= IN_A_ROW).then_some(Finding::PartStuck)
             };
             found = found.or(unlike.map(|unlike| (part, unlike)));
         }
@@ -104,7 +91,7 @@ mod tests {
     use super::*;
 
     /// Findings in each of several pulses that should carry two parts 4 mm along x; the second moves `share` of it.
-    fn found(shares: &[f64]) -> Vec<Option<(usize, StepDeviation)>> {
+    fn found(shares: &[f64]) -> Vec<Option<(usize, Finding)>> {
         let (mut guard, start) = (StepGuard::default(), [Vec2::zeros(); 2]);
         let step = Vec2::new(4e-3, 0.0);
         shares.iter().map(|&share| guard.check(&start, &[step; 2], &[step, step * share])).collect()
@@ -112,8 +99,8 @@ mod tests {
 
     #[test]
     fn part_that_goes_unlike_its_forecast_four_times_is_found() {
-        assert_eq!(found(&[0.0, 0.1, 0.05, 0.0]), [None, None, None, Some((1, StepDeviation::Stuck))]);
-        assert_eq!(found(&[-1.0, -0.5, -0.3, -0.4])[3], Some((1, StepDeviation::Astray)));
+        assert_eq!(found(&[0.0, 0.1, 0.05, 0.0]), [None, None, None, Some((1, Finding::PartStuck))]);
+        assert_eq!(found(&[-1.0, -0.5, -0.3, -0.4])[3], Some((1, Finding::PartAstray)));
         assert_eq!(found(&[0.0, 0.0, 0.0, 0.5, 0.0, 0.0]), [None; 6], "in a row");
         assert_eq!(found(&[0.5, 1.5, 0.3, 1.0]), [None; 4]);
     }

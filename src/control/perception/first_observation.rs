@@ -55,17 +55,13 @@ fn is_overexposed(frame: &Frame, table: &Table) -> bool {
 }
 
 fn is_mostly_white(frame: &Frame, table: &Table, places_m: impl Iterator<Item = (f64, f64)>) -> bool {
-    let (mut seen, mut white) = (0, 0);
-    for (x, y) in places_m {
+    let level = |(x, y): (f64, f64)| {
         let at = table.image_from_table(Vec2::new(x, y));
         let is_inside = at.x >= 0.0 && at.y >= 0.0 && at.x < frame.width as f64 && at.y < frame.height as f64;
-        let Some(&level) = frame.pixels.get(at.y as usize * frame.width + at.x as usize).filter(|_| is_inside) else {
-            continue;
-        };
-        seen += 1;
-        white += u32::from(level == u8::MAX);
-    }
-    2 * white > seen
+        frame.pixels.get(at.y as usize * frame.width + at.x as usize).filter(|_| is_inside)
+    };
+    let levels: Vec<&u8> = places_m.filter_map(level).collect();
+    2 * levels.iter().filter(|level| ***level == u8::MAX).count() > levels.len()
 }
 
 #[cfg(test)]

@@ -2,10 +2,9 @@
 
 use std::ops::ControlFlow::{Break, Continue};
 
-use super::scene::UnusableFrame;
 use super::{Perception, REACH_M};
 use crate::Sink;
-use crate::guards::{PictureLag, PlateSwing, StaleReason};
+use crate::guards::{PlateSwing, UnusableFrame};
 use crate::run_end::OrEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
@@ -35,23 +34,18 @@ impl Perception {
         (self.motors_stopped, self.relocated) = (false, false);
     }
 
-    /// Delay of the frames, once it is certain. To be called after a pulse that moved the plate as planned.
-    pub(crate) fn late(&mut self) -> Option<PictureLag> {
-        self.delay.end().filter(|_| self.guards.has(Finding::CameraLate))
-    }
-
     /// True once a frame has differed from the first.
     pub fn has_changed(&self) -> bool {
-        self.scene.has_changed()
+        self.scene.freshness.changed
     }
 
     /// Reason for which the newest frame, which arrived at `now` and shows the plate `swing_px` from its place, is not
     /// of the present; `None` for a frame of the present.
     pub(super) fn stale(&mut self, now: PlateTime, swing_px: Option<f64>) -> Option<UnusableFrame> {
-        let stale = self.scene.stale(&self.frame, now);
+        let stale = self.scene.freshness.check(&self.frame, now);
         let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
         let stands_still = self.stillness.check(swing_px, expected_px) && self.guards.has(Finding::CameraFrozen);
-        let stale = stale.or(stands_still.then_some(UnusableFrame::Stale(StaleReason::Repeated)));
+        let stale = stale.or(stands_still.then_some(UnusableFrame::Repeated));
         stale.filter(|blind| self.guards.has(blind.finding()))
     }
 
@@ -65,13 +59,13 @@ impl Perception {
     /// Ends the run when most parts are farther away than the last pulse carries them: the picture is another one.
     pub(super) fn check_jumps(&mut self, sink: &mut dyn Sink) -> OrEnd {
         let places_m = self.positions_m();
-        let is_far = |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > *reach_m;
-        let far = places_m.iter().zip(&self.expected_m).filter(|&part| is_far(part)).count();
-        let leaps =
-            |(place_m, (expected_m, reach_m)): (&Vec2, &(Vec2, f64))| (place_m - expected_m).norm() > reach_m + LEAP_M;
-        let is_leap = places_m.iter().zip(&self.expected_m).any(leaps);
+        let beyond = |by_m: f64| {
+            let parts = places_m.iter().zip(&self.expected_m);
+            parts.filter(|(at_m, (expected_m, reach_m))| (*at_m - expected_m).norm() > reach_m + by_m).count()
+        };
+        let far = beyond(0.0);
         let are_many = far >= 2 && 2 * far > places_m.len();
-        if !(are_many || is_leap) || !self.guards.has(Finding::PartsJumped) {
+        if !(are_many || beyond(LEAP_M) > 0) || !self.guards.has(Finding::PartsJumped) {
             return Continue(());
         }
         let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());

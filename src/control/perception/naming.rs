@@ -40,14 +40,9 @@ pub(super) fn name_parts(
     for i in by_certainty.chain(rest) {
         let part = &parts[i];
         let same_kind = found.iter().enumerate().filter(|(_, detection)| detection.kind == part.kind);
-        let choice = match part.expected_m {
-            Some(place) => same_kind
-                .min_by(|(_, a), (_, b)| {
-                    (a.position_m - place).norm_squared().total_cmp(&(b.position_m - place).norm_squared())
-                })
-                .map(|(at, _)| at),
-            None => same_kind.map(|(at, _)| at).next(),
-        };
+        // all are as near where the job gives no place: the first is taken
+        let away = |of: &Detection| part.expected_m.map_or(0.0, |place| (of.position_m - place).norm_squared());
+        let choice = same_kind.min_by(|(_, a), (_, b)| away(a).total_cmp(&away(b))).map(|(at, _)| at);
         named[i] = choice.map(|at| found.remove(at));
     }
     match named.into_iter().collect() {

@@ -23,8 +23,10 @@ const MOVED: u32 = 6;
 const SAME_PLACE_PX: f64 = 0.3;
 /// Number of observations with the table located anew before a task counts as completed.
 const CONFIRMING_LOOKS: usize = 2;
-/// Number of consecutive observations at a still plate before these.
+/// Number of consecutive observations at a still plate before these, and the displacement of a corner up to which the
+/// plate has swung out, px.
 const STILL_LOOKS: usize = 2;
+const STILL_PX: f64 = 0.25;
 /// Largest differences of corners and parts between such observations.
 const SAME_CORNER_PX: f64 = 0.7;
 const SAME_PART_M: f64 = 0.2e-3;
@@ -50,14 +52,15 @@ impl Perception {
     /// Table and parts of the newest frame, located without prior knowledge; otherwise the reason for the failure.
     fn locate(&self, clock: &dyn Clock) -> Result<Relocated, String> {
         let started = clock.elapsed();
-        let table = locate_table(&self.frame, &self.lens, self.table.side_m).map_err(|fault| fault.to_string())?;
+        let table =
+            locate_table(&self.frame, &self.model.lens, self.table.side_m).map_err(|fault| fault.to_string())?;
         if !has_shape_of(&table, &self.table) && self.guards.has(Finding::TableMissing) {
             return Err(
                 "it has another shape than before: something hides part of it, or the picture is mirrored".to_owned()
             );
         }
         let size = [self.frame.width, self.frame.height];
-        let mut finder = CoinFinder::new(&table, size, &self.kinds, self.dark_parts);
+        let mut finder = CoinFinder::new(&table, size, &self.kinds, self.model.dark_parts);
         let found = finder.find(&self.frame);
         let localise_us = (clock.elapsed() - started).as_secs_f64() * 1e6;
         Ok(Relocated { table, found, localise_us })
@@ -134,8 +137,9 @@ impl Perception {
         }
         let frame = &self.frame;
         sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, localise_us });
-        self.scene.relocate(&table, frame, swings, &self.kinds, self.dark_parts);
-        self.tracker = Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.dark_parts, detections);
+        self.scene.relocate(&table, frame, swings, &self.kinds, self.model.dark_parts);
+        self.tracker =
+            Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.model.dark_parts, detections);
         (self.table, self.displaced) = (table, 0);
         self.relocated |= swings;
         self.delay.forget_seen();
@@ -177,7 +181,9 @@ impl Perception {
         while io.rig.now() < until && still < STILL_LOOKS {
             check_stop(io.stop)?;
             self.observe(io, FramePurpose::Pulse)?;
-            still = if self.scene.is_still(&self.frame) { still + 1 } else { 0 };
+            // it no longer swings and was not knocked
+            let is_still = self.scene.swing_px(&self.frame).is_some_and(|px| px < STILL_PX);
+            still = if is_still { still + 1 } else { 0 };
         }
         Continue(())
     }

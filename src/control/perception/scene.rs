@@ -2,7 +2,7 @@
 //! it is where it was, and whether a foreign object is on it.
 
 use super::settling::{PlateInImage, Settling};
-use crate::guards::{Freshness, StaleReason};
+use crate::guards::{Freshness, UnusableFrame};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
 use upm_core::rig::{PartKind, RigModel};
@@ -10,8 +10,6 @@ use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
 use upm_perception::vision::{PlateWatch, Table, TableMotion, TableWatch, Track};
 
-/// Displacement of a corner up to which the plate has swung out, px.
-const STILL_PX: f64 = 0.25;
 /// Durations after which a run ends, s: of stale frames, of frames without a plate, and of a hand in view.
 const STALE_S: f64 = 2.0;
 const DARK_S: f64 = 5.0;
@@ -21,23 +19,12 @@ const HIDDEN: f64 = 0.02;
 /// The same while the plate moves and shows its ground at the sides.
 const COVERED: f64 = 0.06;
 
-/// Reason for which a frame is unusable.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum UnusableFrame {
-    /// The frame is not of the present.
-    Stale(StaleReason),
-    /// The frame shows no plate.
-    Dark,
-    /// Something hides part of the plate.
-    Hidden,
-}
-
 impl UnusableFrame {
     /// The finding to report.
     pub(super) fn finding(self) -> Finding {
         match self {
-            Self::Stale(StaleReason::Repeated) => Finding::CameraFrozen,
-            Self::Stale(StaleReason::Stamp { .. }) => Finding::CameraStale,
+            Self::Repeated => Finding::CameraFrozen,
+            Self::Stamp { .. } => Finding::CameraStale,
             Self::Dark => Finding::CameraDark,
             Self::Hidden => Finding::ViewHidden,
         }
@@ -46,7 +33,7 @@ impl UnusableFrame {
     /// Time for which a run waits for it to end, s.
     pub(super) fn longest_s(self) -> f64 {
         match self {
-            Self::Stale(_) => STALE_S,
+            Self::Repeated | Self::Stamp { .. } => STALE_S,
             Self::Dark => DARK_S,
             Self::Hidden => HAND_S,
         }
@@ -55,8 +42,8 @@ impl UnusableFrame {
     /// The reason for people.
     pub(super) fn reason(self) -> String {
         match self {
-            Self::Stale(StaleReason::Repeated) => "the camera sends the same picture again".into(),
-            Self::Stale(StaleReason::Stamp { older_s }) => {
+            Self::Repeated => "the camera sends the same picture again".into(),
+            Self::Stamp { older_s } => {
                 format!("a frame's number or stamp does not fit: it is {:.0} ms old", older_s * 1e3)
             }
             Self::Dark => "the camera's frames show no plate".into(),
@@ -65,54 +52,34 @@ impl UnusableFrame {
     }
 }
 
-/// Findings in a frame at rest.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct SceneObservation {
-    pub(super) blind: Option<UnusableFrame>,
-    pub(super) place: PlateInImage,
-    /// Place of an object that does not belong to the job, m.
-    pub(super) foreign_m: Option<Vec2>,
-}
-
 /// Monitors everything in the scene that should not change.
 pub(super) struct SceneMonitor {
-    freshness: Freshness,
+    pub(super) freshness: Freshness,
     table: TableWatch,
     plate: PlateWatch,
-    /// Place of a foreign object in the newest frame, m.
+    /// Place of an object that does not belong to the job in the newest frame at rest, m.
     pub(super) foreign_m: Option<Vec2>,
     settling: Settling,
 }
 
 impl SceneMonitor {
-    pub(super) fn new(table: &Table, model: &RigModel, kinds: &[PartKind]) -> Self {
-        Self {
+    /// A monitor of what `first` shows, which arrived at `now` and in which `table` was located; later frames are
+    /// compared with it.
+    pub(super) fn new(table: &Table, model: &RigModel, kinds: &[PartKind], first: &Frame, now: PlateTime) -> Self {
+        let mut monitor = Self {
             freshness: Freshness::new(model.frame_hz, model.exposure_s),
             table: TableWatch::new(table, model.frame_size_px),
             plate: PlateWatch::new(table, model.frame_size_px, kinds, model.dark_parts),
             foreign_m: None,
             settling: Settling::default(),
-        }
+        };
+        monitor.freshness.check(first, now);
+        monitor.table.set_rest(first);
+        monitor
     }
 
-    /// The first frame, in which the table was located; later frames are compared with it.
-    pub(super) fn see_first(&mut self, frame: &Frame, now: PlateTime) {
-        self.freshness.check(frame, now);
-        self.table.set_rest(frame);
-    }
-
-    /// True once a frame has differed from the first.
-    pub(super) fn has_changed(&self) -> bool {
-        self.freshness.has_changed()
-    }
-
-    /// The reason for which `frame`, which arrived at `now`, is not of the present; `None` for one that is.
-    pub(super) fn stale(&mut self, frame: &Frame, now: PlateTime) -> Option<UnusableFrame> {
-        self.freshness.check(frame, now).map(UnusableFrame::Stale)
-    }
-
-    /// Examines a frame taken at rest, in which `tracks` were followed.
-    pub(super) fn examine(&mut self, frame: &Frame, tracks: &[Track]) -> SceneObservation {
+    /// View and place of the plate in a frame taken at rest, in which `tracks` were followed.
+    pub(super) fn examine(&mut self, frame: &Frame, tracks: &[Track]) -> (Option<UnusableFrame>, PlateInImage) {
         let place = self.settling.place(frame.exposed_at, self.table.check(frame));
         if place == PlateInImage::SwungOut {
             self.table.set_rest(frame);
@@ -120,7 +87,7 @@ impl SceneMonitor {
         if let PlateInImage::Elsewhere { .. } = place {
             // objects on a plate that has moved are detected once it is located anew
             self.foreign_m = None;
-            return SceneObservation { blind: None, place, foreign_m: None };
+            return (None, place);
         }
         let sight = self.plate.check(frame, tracks);
         // a hand is visible; where nothing hides the plate and its sides are gone, the picture shows no plate
@@ -128,7 +95,7 @@ impl SceneMonitor {
         let is_dark = sight.dark || (place == PlateInImage::Unknown && !is_hidden);
         let blind = if is_dark { Some(UnusableFrame::Dark) } else { is_hidden.then_some(UnusableFrame::Hidden) };
         self.foreign_m = sight.foreign.first().map(|part| part.position_m);
-        SceneObservation { blind, place, foreign_m: self.foreign_m }
+        (blind, place)
     }
 
     /// Obstruction of the view in a frame in which the plate may move; `None` when the camera was knocked.
@@ -143,11 +110,6 @@ impl SceneMonitor {
         } else {
             (sight.hidden_share > COVERED).then_some(UnusableFrame::Hidden)
         }
-    }
-
-    /// True when the plate is where it was to a fraction of a pixel: it no longer swings and was not knocked.
-    pub(super) fn is_still(&self, frame: &Frame) -> bool {
-        self.table.check(frame).corner_px().is_some_and(|corner_px| corner_px < STILL_PX)
     }
 
     /// Largest displacement of the plate's corners since the table was located, px; `None` where it is not visible.

@@ -29,6 +29,11 @@ impl DisplacementModel {
         self.sustain_s.last().map_or(0.0, |&longest| self.distance(speed_mps, longest))
     }
 
+    /// Distance of the longest pulse on the fastest measured belt, m.
+    pub(crate) fn farthest(&self) -> f64 {
+        self.speed_mps.last().map_or(0.0, |&fastest| self.max_distance(fastest))
+    }
+
     /// The shortest sustain that moves a part `distance_m` at this speed, s: the inverse of [`Self::distance`]. `None`
     /// outside [`Self::min_distance`] to [`Self::max_distance`]; those two are the clamps to report.
     pub fn sustain_for(&self, speed_mps: f64, distance_m: f64) -> Option<f64> {

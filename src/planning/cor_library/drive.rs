@@ -1,9 +1,7 @@
-use nalgebra::{Complex, Matrix3, Vector3};
+use nalgebra::{Complex, Vector3};
 
 use super::{AxisShape, FieldResponse, Library, PlateResponse};
-use upm_core::signal::{
-    Drive, Envelope, Follows, Harmonic, MOTORS, MotorArrangement, Shaping, TwistHarmonic, TwistWave,
-};
+use upm_core::signal::{Drive, Envelope, Follows, Harmonic, MOTORS, MotorArrangement, Shaping, TwistWave};
 
 /// Relative difference below which two base frequencies are equal.
 const SAME: f64 = 1e-6;
@@ -100,7 +98,8 @@ impl Library {
             return None;
         }
         let harmonics = wave.harmonics.iter().zip(&fields.twist_from_counts);
-        let forces = harmonics.map(|(harmonic, twist_from_counts)| axis_counts(twist_from_counts, harmonic));
+        // phasors of the axis amplitudes, counts; none for a singular response
+        let forces = harmonics.map(|(harmonic, twist_from_counts)| twist_from_counts.lu().solve(&harmonic.phasor()));
         let forces: Vec<_> = forces.collect::<Option<_>>()?;
         let (plate, envelope) = (self.plate.unwrap_or_default(), Envelope { attack_s, sustain_s, rest_s });
         let parts = (1..).zip(forces).map(|(k, force)| (force, plate.flanks(&force, f64::from(k) * base_radps)));
@@ -131,11 +130,6 @@ impl Library {
         let part = if longest_s > 0.0 { (sustain_s / longest_s).clamp(0.0, 1.0) } else { 1.0 };
         self.rest_s * (0.5 + 0.5 * part)
     }
-}
-
-/// Phasors of the axis amplitudes fx, fy and s, counts, whose response is `velocity`; `None` for a singular response.
-fn axis_counts(twist_from_counts: &Matrix3<Complex<f64>>, velocity: &TwistHarmonic) -> Option<Vector3<Complex<f64>>> {
-    twist_from_counts.lu().solve(&velocity.phasor())
 }
 
 /// Amplitudes X1, X2, Y1, Y2 of motors around the plate for these axis amplitudes; the two motors of an axis share the

@@ -1,7 +1,5 @@
 use std::path::Path;
 
-use serde_json::{Map, Value};
-
 use super::Library;
 use upm_core::document::{Diagnostic, parse, text_of};
 
@@ -15,14 +13,6 @@ impl Library {
     pub fn to_json(&self) -> String {
         // serialising plain data cannot fail
         in_lines(&serde_json::to_string(self).unwrap_or_default())
-    }
-
-    /// The members of the file.
-    pub fn to_members(&self) -> Map<String, Value> {
-        match serde_json::to_value(self) {
-            Ok(Value::Object(members)) => members,
-            _ => Map::new(),
-        }
     }
 
     /// Reads [`Self::to_json`].

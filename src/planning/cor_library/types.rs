@@ -104,11 +104,11 @@ pub struct Library {
     #[schemars(with = "f64", range(min = BASE_HZ.0, max = BASE_HZ.1))]
     pub base_radps: f64,
     /// Attack of every pulse, s.
-    #[serde(with = "seconds")]
+    #[serde(with = "six_decimals")]
     #[schemars(with = "f64", range(min = 0.0, max = MOST_TIME_S))]
     pub attack_s: f64,
     /// Rest after the longest pulse, s; shorter ones rest down to half as long.
-    #[serde(with = "seconds")]
+    #[serde(with = "six_decimals")]
     #[schemars(with = "f64", range(min = 0.0, max = MOST_TIME_S))]
     pub rest_s: f64,
     /// Reading of each accelerometer channel (x and y of number 1, x and y of number 2) for a true 1, relative to the
@@ -156,15 +156,15 @@ pub struct FieldResponse {
     #[schemars(with = "f64", range(min = BASE_HZ.0, max = BASE_HZ.1))]
     pub base_radps: f64,
     /// Attack of every pulse, s.
-    #[serde(with = "seconds")]
+    #[serde(with = "six_decimals")]
     #[schemars(with = "f64", range(min = 0.0, max = MOST_TIME_S))]
     pub attack_s: f64,
     /// Rest after every pulse, s.
-    #[serde(with = "seconds")]
+    #[serde(with = "six_decimals")]
     #[schemars(with = "f64", range(min = 0.0, max = MOST_TIME_S))]
     pub rest_s: f64,
     /// Largest sample that a motor may play.
-    #[serde(with = "counts")]
+    #[serde(with = "six_decimals")]
     #[schemars(with = "f64", range(min = LIMIT_COUNTS.0, max = LIMIT_COUNTS.1))]
     pub limit_counts: f64,
     /// One matrix a harmonic k, from the first up: rows x, y (in files mm/s) and spin (rad/s), columns one count of the
@@ -224,8 +224,7 @@ pub struct PerAxis {
 
 file_form!(mm: f64 => f64, m_from_mm, |m| rounded(mm_from_m(*m), 6));
 file_form!(hertz: f64 => f64, |hz| TAU * hz, |radps| rounded(radps / TAU, 6));
-file_form!(seconds: f64 => f64, |s| s, |s| rounded(*s, 6));
-file_form!(counts: f64 => f64, |counts| counts, |counts| rounded(*counts, 6));
+file_form!(six_decimals: f64 => f64, |value| value, |value| rounded(*value, 6));
 file_form!(gains: [f64; CHANNELS] => [f64; CHANNELS], |gains| gains, |gains| gains.map(|gain| rounded(gain, 5)));
 file_form!(speeds_mm_s: Vec<f64> => Vec<f64>, |mm_s| all_m(&mm_s), |mps| rounded_mm(mps, 3));
 file_form!(seconds_grid: Vec<f64> => Vec<f64>, |s| s, |grid| grid.iter().map(|&s| rounded(s, 6)).collect());

@@ -26,9 +26,14 @@ impl Library {
         check_head(&self, &mut faults);
         check_entries(&self, &mut faults);
         check_displacement(&self.displacement, &mut faults);
-        self.fields.iter().for_each(|fields| check_fields(fields, &mut faults));
+        for (k, matrix) in self.fields.iter().flat_map(|fields| fields.twist_from_counts.iter().enumerate()) {
+            let allowed = "forces on x, y and spin that move the plate independently";
+            let path = format!("fields.twist_from_counts[{k}]");
+            faults.require(matrix.try_inverse().is_some(), path, "a singular matrix", allowed);
+        }
         self.plate.iter().for_each(|plate| check_plate(plate, &mut faults));
-        if faults.is_empty() && spread_at_center(&self) < MIN_SPREAD {
+        let at_center = self.entries.iter().map(|entry| entry.pump.direction_at(Vec2::zeros()));
+        if faults.is_empty() && flow_eigenvalues(at_center)[1] < MIN_SPREAD {
             faults.push("entries", "parts at the centre flow in one direction only", "flows in two directions");
         }
         faults.into_result(Some(self))
@@ -73,13 +78,10 @@ impl Library {
 /// A fault for every number of the library that differs from the rig's, with its path.
 fn differences<'a>(numbers: impl IntoIterator<Item = (&'a str, f64, f64)>) -> impl Iterator<Item = Diagnostic> {
     let others = numbers.into_iter().filter(|(_, found, its)| (found - its).abs() > SAME * its.abs() + FILE_ROUNDING);
-    let faults: Vec<_> = others
-        .map(|(path, found, its)| {
-            let [found, its] = [found, its].map(|value| (value * 1e9).round() / 1e9);
-            Diagnostic::new("", path, found, format!("{its}, as the rig has it"))
-        })
-        .collect();
-    faults.into_iter()
+    others.map(|(path, found, its)| {
+        let [found, its] = [found, its].map(|value| (value * 1e9).round() / 1e9);
+        Diagnostic::new("", path, found, format!("{its}, as the rig has it"))
+    })
 }
 
 fn field_faults(response: Option<&FieldResponse>, rig: &RigModel) -> Vec<Diagnostic> {
@@ -106,11 +108,11 @@ fn field_faults(response: Option<&FieldResponse>, rig: &RigModel) -> Vec<Diagnos
     .collect()
 }
 
-/// Smaller eigenvalue of the sum of τ τ^T over all entries, with τ the unit flow at the plate's centre.
-fn spread_at_center(library: &Library) -> f64 {
-    let flows = library.entries.iter().map(|entry| entry.pump.direction_at(Vec2::zeros()));
+/// Eigenvalues of the sum of τ τ^T over all flows τ, the larger first.
+pub(crate) fn flow_eigenvalues(flows: impl Iterator<Item = Vec2>) -> [f64; 2] {
     let (xx, xy, yy) = flows.fold((0.0, 0.0, 0.0), |(xx, xy, yy), t| (xx + t.x * t.x, xy + t.x * t.y, yy + t.y * t.y));
-    0.5 * (xx + yy) - (0.5 * (xx - yy)).hypot(xy)
+    let (middle, spread) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+    [middle + spread, middle - spread]
 }
 
 const AXES: [&str; 3] = ["x", "y", "spin"];
@@ -148,15 +150,15 @@ fn check_displacement(model: &DisplacementModel, faults: &mut Diagnostics) {
     faults.require(speeds.first() != Some(&0.0), "displacement.speed_mm_s[0]", 0, "a number above 0");
     check_rising("displacement.sustain_s", sustains, "rising numbers not below 0", faults);
     for (name, table) in [("distance_mm", &model.distance_m), ("sd_mm", &model.sd_m)] {
-        check_table(name, table, speeds.len(), sustains.len(), faults);
-    }
-}
-
-fn check_fields(fields: &FieldResponse, faults: &mut Diagnostics) {
-    for (k, matrix) in fields.twist_from_counts.iter().enumerate() {
-        let allowed = "forces on x, y and spin that move the plate independently";
-        let path = format!("fields.twist_from_counts[{k}]");
-        faults.require(matrix.try_inverse().is_some(), path, "a singular matrix", allowed);
+        let (rows, columns) = (speeds.len(), sustains.len());
+        let path = format!("displacement.{name}");
+        let allowed = format!("{rows}, one for each speed");
+        faults.require(table.len() == rows, &path, counted(table.len(), "row"), allowed);
+        for (i, row) in table.iter().enumerate() {
+            let allowed = format!("{columns}, one for each sustain");
+            let found = counted(row.len(), "number");
+            faults.require(row.len() == columns, format!("{path}[{i}]"), found, allowed);
+        }
     }
 }
 
@@ -176,16 +178,5 @@ fn check_rising(path: &str, grid: &[f64], allowed: &str, faults: &mut Diagnostic
     for (i, pair) in grid.windows(2).enumerate() {
         let found = format!("{} after {}", pair[1], pair[0]);
         faults.require(pair[1] > pair[0], format!("{path}[{}]", i + 1), found, allowed);
-    }
-}
-
-fn check_table(name: &str, table: &[Vec<f64>], rows: usize, columns: usize, faults: &mut Diagnostics) {
-    let path = format!("displacement.{name}");
-    let allowed = format!("{rows}, one for each speed");
-    faults.require(table.len() == rows, &path, counted(table.len(), "row"), allowed);
-    for (i, row) in table.iter().enumerate() {
-        let allowed = format!("{columns}, one for each sustain");
-        let found = counted(row.len(), "number");
-        faults.require(row.len() == columns, format!("{path}[{i}]"), found, allowed);
     }
 }

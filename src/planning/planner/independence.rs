@@ -26,9 +26,8 @@ impl Independence {
     pub fn of_rotations(library: &Library, positions_m: &[Vec2]) -> Self {
         let model = &library.displacement;
         let longest_s = model.sustain_s.last().copied().unwrap_or(0.0);
-        let best_m = model.speed_mps.last().map_or(0.0, |&fastest| model.max_distance(fastest));
         let flow = |entry: usize| positions_m.iter().map(|&p| library.displacement_at(entry, p, longest_s)).collect();
-        Self::of(positions_m.len(), (0..library.entries.len()).map(flow), GENTLE * best_m)
+        Self::of(positions_m.len(), (0..library.entries.len()).map(flow), GENTLE * model.farthest())
     }
 
     /// Independence of parts at `positions_m` under synthesised fields.

@@ -67,9 +67,7 @@ impl PseudoInverse {
     /// is too long.
     fn distances_m(&self, centers: &[usize], parts: &[PartState]) -> Result<Vec<f64>, String> {
         let unit_field = |row: usize, j: usize| {
-            let entry = centers.get(j).and_then(|&entry| self.library.entries.get(entry));
-            let part = parts.get(row / 2);
-            entry.zip(part).map_or(0.0, |(entry, part)| entry.pump.direction_at(part.position_m)[row % 2])
+            self.library.entries[centers[j]].pump.direction_at(parts[row / 2].position_m)[row % 2]
         };
         let phi = DMatrix::from_fn(2 * parts.len(), centers.len(), unit_field);
         let scale = LONGEST_M / largest_step_m(parts).max(LONGEST_M);

@@ -1,4 +1,4 @@
-use crate::cor_library::{DisplacementModel, Entry, Library};
+use crate::cor_library::{Entry, Library, flow_eigenvalues};
 use upm_core::geometry::Vec2;
 
 /// Reach of a library at one position.
@@ -38,7 +38,7 @@ impl Reach {
     /// Reach of `library` at `position_m` in every direction, with its longest pulse.
     pub fn of(library: &Library, position_m: Vec2) -> Self {
         let Library { displacement: model, entries, .. } = library;
-        let best_m = best_step(model);
+        let best_m = model.farthest();
         let part = if best_m > 0.0 { 1.0 / best_m } else { 0.0 };
         let flow = |entry: &Entry| {
             entry.pump.direction_at(position_m) * (model.max_distance(entry.speed_at(position_m)) * part)
@@ -46,7 +46,9 @@ impl Reach {
         let flows: Vec<Vec2> = entries.iter().map(flow).collect();
         let mut strongest = Vec::new();
         let (mut weakest_projection, mut weakest_direction, mut weakest_entry) = (f64::INFINITY, Vec2::x(), None);
-        for direction in directions() {
+        for k in 0..DIRECTIONS {
+            let (sin, cos) = (std::f64::consts::PI * k as f64 / DIRECTIONS as f64).sin_cos();
+            let direction = Vec2::new(cos, sin);
             let (projection, entry) = strongest_along(&flows, direction);
             strongest.extend(entry);
             if projection < weakest_projection {
@@ -62,7 +64,7 @@ impl Reach {
             model.sd(speed, longest_s.unwrap_or(0.0)) * along
         });
         Self {
-            singular_values: singular_values(&flows),
+            singular_values: flow_eigenvalues(flows.iter().copied()).map(|value| value.max(0.0).sqrt()),
             weakest_direction,
             weakest_projection,
             longest_step_m,
@@ -71,18 +73,6 @@ impl Reach {
             strongest,
         }
     }
-}
-
-/// Displacement by the longest pulse on the fastest measured belt, m.
-fn best_step(model: &DisplacementModel) -> f64 {
-    model.speed_mps.last().map_or(0.0, |&fastest| model.max_distance(fastest))
-}
-
-fn directions() -> impl Iterator<Item = Vec2> {
-    (0..DIRECTIONS).map(|k| {
-        let (sin, cos) = (std::f64::consts::PI * k as f64 / DIRECTIONS as f64).sin_cos();
-        Vec2::new(cos, sin)
-    })
 }
 
 /// The largest displacement along `direction` by one of `flows`, and its index; `None` when all are zero.
@@ -104,12 +94,4 @@ fn shortest_step(library: &Library, position_m: Vec2, direction: Vec2, least_m: 
         suits.then(|| along * model.min_distance(speed_mps))
     };
     library.entries.iter().filter_map(shortest).reduce(f64::min)
-}
-
-/// Singular values of the 2 × M matrix of `flows`, from the eigenvalues of its 2 × 2 product with itself.
-fn singular_values(flows: &[Vec2]) -> [f64; 2] {
-    let (xx, xy, yy) =
-        flows.iter().fold((0.0, 0.0, 0.0), |(xx, xy, yy), f| (xx + f.x * f.x, xy + f.x * f.y, yy + f.y * f.y));
-    let (middle, spread) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
-    [(middle + spread).sqrt(), (middle - spread).max(0.0).sqrt()]
 }

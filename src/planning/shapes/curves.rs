@@ -21,39 +21,21 @@ pub fn circle_path(center_m: Vec2, radius_m: f64, start_rad: f64, clockwise: boo
     })
 }
 
-/// The figure `x = w/2 sin(a t + phase)`, `y = h/2 sin(b t)`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lissajous {
-    /// Centre, m.
-    pub center_m: Vec2,
-    /// Width and height, m.
-    pub size_m: Vec2,
-    /// Coprime frequencies `a` and `b`.
-    pub frequencies: [u32; 2],
-    /// Phase of x at the start, rad.
-    pub phase_rad: f64,
-}
-
-impl Lissajous {
-    /// One period of the figure as a closed polyline, m.
-    pub fn path(&self) -> Vec<Vec2> {
-        let [a, b] = self.frequencies.map(f64::from);
-        let reach_m = 0.5 * self.size_m;
-        closed(self.pieces(), |share| {
-            let time = TAU * share;
-            let along = Vec2::new((a * time + self.phase_rad).sin(), (b * time).sin());
-            self.center_m + reach_m.component_mul(&along)
-        })
-    }
-
-    /// Number of segments. A segment over a time h deviates from the curve by at most `h²/8` times the greatest
-    /// acceleration. Without a phase there is a point wherever x or y is greatest.
-    fn pieces(&self) -> usize {
-        let [a, b] = self.frequencies.map(f64::from);
-        let most = 0.5 * LARGEST_M * Vec2::new(a * a, b * b).norm();
-        let least = TAU / (8.0 * TOLERANCE_M / most).sqrt();
-        (4.0 * a * b * (least / (4.0 * a * b)).ceil()) as usize
-    }
+/// One period of the figure `x = w/2 sin(a t + phase)`, `y = h/2 sin(b t)` about `center_m` as a closed polyline, m.
+/// `size_m` is its width and height, the frequencies `a` and `b` are coprime.
+pub fn lissajous_path(center_m: Vec2, size_m: Vec2, frequencies: [u32; 2], phase_rad: f64) -> Vec<Vec2> {
+    let [a, b] = frequencies.map(f64::from);
+    // a segment over a time h deviates from the curve by at most h²/8 times the greatest acceleration; without a phase
+    // there is a point wherever x or y is greatest
+    let most = 0.5 * LARGEST_M * Vec2::new(a * a, b * b).norm();
+    let least = TAU / (8.0 * TOLERANCE_M / most).sqrt();
+    let pieces = (4.0 * a * b * (least / (4.0 * a * b)).ceil()) as usize;
+    let reach_m = 0.5 * size_m;
+    closed(pieces, |share| {
+        let time = TAU * share;
+        let along = Vec2::new((a * time + phase_rad).sin(), (b * time).sin());
+        center_m + reach_m.component_mul(&along)
+    })
 }
 
 /// Closed polyline with `pieces` segments.
@@ -107,15 +89,13 @@ mod tests {
             width_m in 0.01..0.25f64, height_m in 0.01..0.25f64, a in 1..6_u32, b in 1..6_u32, phase_rad in -4.0..4.0f64,
             time in 0.0..TAU,
         ) {
-            let figure = Lissajous {
-                center_m: Vec2::new(0.01, 0.02), size_m: Vec2::new(width_m, height_m), frequencies: [a, b], phase_rad,
-            };
-            let points = figure.path();
+            let center_m = Vec2::new(0.01, 0.02);
+            let points = lissajous_path(center_m, Vec2::new(width_m, height_m), [a, b], phase_rad);
             prop_assert_eq!(points.first(), points.last());
             let offset = Vec2::new(
                 0.5 * width_m * (f64::from(a) * time + phase_rad).sin(), 0.5 * height_m * (f64::from(b) * time).sin(),
             );
-            let truth = figure.center_m + offset;
+            let truth = center_m + offset;
             let off_m = points.windows(2).map(|pair| Segment { from: pair[0], to: pair[1] }.distance(truth));
             prop_assert!(off_m.fold(f64::INFINITY, f64::min) <= TOLERANCE_M * (1.0 + 1e-9));
         }

@@ -22,7 +22,8 @@ pub struct Drawing {
     /// Number of knots.
     knots: usize,
     size_m: f64,
-    center_m: Vec2,
+    /// Middle of the drawing, m.
+    pub(super) center_m: Vec2,
 }
 
 /// A line between two knots, in sizes of the drawing from its middle.
@@ -63,11 +64,6 @@ impl Drawing {
 
     fn in_table(&self, point: Vec2) -> Vec2 {
         self.center_m + self.size_m * point
-    }
-
-    /// Middle of the drawing, m.
-    pub fn center_m(&self) -> Vec2 {
-        self.center_m
     }
 
     /// Number of knots, which is the least number of places.

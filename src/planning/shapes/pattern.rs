@@ -45,7 +45,7 @@ impl Pattern {
         match self {
             Self::Line { from_m, to_m } => 0.5 * (from_m + to_m),
             Self::Grid { center_m, .. } | Self::Circle { center_m, .. } => *center_m,
-            Self::Drawn(drawing) => drawing.center_m(),
+            Self::Drawn(drawing) => drawing.center_m,
         }
     }
 

@@ -1,4 +1,4 @@
-use super::path_follower::{Motions, PathFollower};
+use super::path_follower::{PathFollower, PlateScene};
 use super::{PartOutline, Setpoints, Task};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
@@ -6,12 +6,8 @@ use upm_core::time::PlateTime;
 /// Parameters of an arrangement: every part goes to a target.
 #[derive(Clone, Debug)]
 pub struct ArrangeParams {
-    /// Half the plate's side, m.
-    pub half_side_m: f64,
-    /// The kind of motion that moves the parts.
-    pub motions: Motions,
-    /// Discs of the parts, in the order of the positions given to [`Task::next`].
-    pub discs: Vec<PartOutline>,
+    /// The plate and its parts.
+    pub scene: PlateScene,
     /// Target of each part, m. Parts beyond the list stay where they were first seen.
     pub targets_m: Vec<Vec2>,
     /// True when parts of one kind may exchange their targets.
@@ -41,11 +37,10 @@ fn groups(discs: &[PartOutline], exchange: bool) -> Vec<usize> {
 
 impl Task for Arrange {
     fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
-        let ArrangeParams { half_side_m, motions, discs, targets_m, exchange, arrive_m } = &self.params;
+        let ArrangeParams { scene, targets_m, exchange, arrive_m } = &self.params;
         let of = parts_in_table_m.len();
         let steering = self.steering.take().filter(|steering| steering.seen_m.len() == of);
-        let begin =
-            || PathFollower::new(motions, discs, *half_side_m, targets_m, groups(discs, *exchange), parts_in_table_m);
+        let begin = || PathFollower::new(scene, targets_m, groups(&scene.discs, *exchange), parts_in_table_m);
         let steering = self.steering.insert(steering.unwrap_or_else(begin));
         steering.observe(parts_in_table_m);
         let there = steering.distances_m().filter(|distance_m| distance_m <= arrive_m).count();
@@ -66,9 +61,7 @@ mod tests {
         let discs = kinds.iter().map(|&kind| PartOutline { kind, radius_m: crate::task::PENNY_M }).collect();
         let targets_m = targets_m.iter().map(|&(x, y)| Vec2::new(x, y)).collect();
         Arrange::new(ArrangeParams {
-            half_side_m: 0.1524,
-            motions: Motions::Independent,
-            discs,
+            scene: PlateScene { half_side_m: 0.1524, discs, ..PlateScene::default() },
             targets_m,
             exchange,
             arrive_m: 0.00045,

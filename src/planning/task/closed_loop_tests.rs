@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use rand::RngExt;
 use std::f64::consts::TAU;
 
-use super::{Arrange, ArrangeParams, BinParams, Motions, PENNY_M, PartOutline, Sort, SortParams, Task};
+use super::{Arrange, ArrangeParams, BinParams, Motions, PENNY_M, PartOutline, PlateScene, Sort, SortParams, Task};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 use upm_core::time::PlateTime;
@@ -77,9 +77,7 @@ fn run(task: &mut dyn Task, discs: &[PartOutline], starts_m: &[Vec2], noise: f64
 fn arranged(discs: &[PartOutline], starts_m: &[Vec2], targets_m: &[Vec2], exchange: bool) -> ClosedLoopResult {
     let (discs, targets_m) = (discs.to_vec(), targets_m.to_vec());
     let params = ArrangeParams {
-        half_side_m: HALF_SIDE_M,
-        motions: Motions::Independent,
-        discs: discs.clone(),
+        scene: PlateScene { half_side_m: HALF_SIDE_M, motions: Motions::Independent, discs: discs.clone() },
         targets_m,
         exchange,
         arrive_m: ARRIVE_M,
@@ -142,9 +140,7 @@ fn blocked_part_is_named_and_the_others_arrive() {
     let starts_m = [Vec2::zeros(), Vec2::new(-0.13, -0.13), Vec2::new(0.14, -0.12)];
     let targets_m = vec![Vec2::zeros(), Vec2::new(0.13, 0.13), Vec2::new(0.12, -0.14)];
     let params = ArrangeParams {
-        half_side_m: HALF_SIDE_M,
-        motions: Motions::Independent,
-        discs: discs.clone(),
+        scene: PlateScene { half_side_m: HALF_SIDE_M, motions: Motions::Independent, discs: discs.clone() },
         targets_m,
         exchange: true,
         arrive_m: ARRIVE_M,
@@ -171,9 +167,7 @@ fn bins(kinds: usize, width_m: f64, height_m: f64, apart_m: f64) -> Vec<BinParam
 
 fn sorted(discs: &[PartOutline], starts_m: &[Vec2], bins: Vec<BinParams>) -> ClosedLoopResult {
     let params = SortParams {
-        half_side_m: HALF_SIDE_M,
-        motions: Motions::Independent,
-        discs: discs.to_vec(),
+        scene: PlateScene { half_side_m: HALF_SIDE_M, motions: Motions::Independent, discs: discs.to_vec() },
         bins: bins.clone(),
         margin_m: 5e-5,
     };

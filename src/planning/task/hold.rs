@@ -1,4 +1,4 @@
-use super::path_follower::{Motions, PathFollower};
+use super::path_follower::{Motions, PathFollower, PlateScene};
 use super::{PartOutline, Setpoints, Task};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
@@ -40,8 +40,8 @@ impl Hold {
 impl Task for Hold {
     fn first_seen(&mut self, parts_in_table_m: &[Vec2]) {
         let HoldParams { half_side_m, discs, .. } = &self.params;
-        let motions = Motions::Independent;
-        self.steering = Some(PathFollower::new(&motions, discs, *half_side_m, &[], Vec::new(), parts_in_table_m));
+        let scene = PlateScene { half_side_m: *half_side_m, motions: Motions::Independent, discs: discs.clone() };
+        self.steering = Some(PathFollower::new(&scene, &[], Vec::new(), parts_in_table_m));
     }
 
     fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {

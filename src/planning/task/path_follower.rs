@@ -52,6 +52,17 @@ pub enum Motions {
     },
 }
 
+/// The plate and the parts on it, as tasks see them.
+#[derive(Clone, Debug, Default)]
+pub struct PlateScene {
+    /// Half the plate's side, m.
+    pub half_side_m: f64,
+    /// The kind of motion that moves the parts.
+    pub motions: Motions,
+    /// Discs of the parts, in the order of the positions given to [`Task::next`](super::Task::next).
+    pub discs: Vec<PartOutline>,
+}
+
 /// Steers every part to a place: assigns the places and finds the paths.
 #[derive(Clone, Debug)]
 pub(super) struct PathFollower {
@@ -84,14 +95,8 @@ pub(super) struct PathFollower {
 impl PathFollower {
     /// Steering to one place for each part; parts with the same number in `groups` may exchange them. A part without a
     /// place stays where it is first seen.
-    pub(super) fn new(
-        motions: &Motions,
-        discs: &[PartOutline],
-        half_side_m: f64,
-        places_m: &[Vec2],
-        groups: Vec<usize>,
-        parts_in_table_m: &[Vec2],
-    ) -> Self {
+    pub(super) fn new(scene: &PlateScene, places_m: &[Vec2], groups: Vec<usize>, parts_in_table_m: &[Vec2]) -> Self {
+        let PlateScene { half_side_m, motions, discs } = scene;
         let parts = parts_in_table_m.len();
         let seen_m: Vec<Vec2> =
             parts_in_table_m.iter().map(|part_m| if is_finite(*part_m) { *part_m } else { Vec2::zeros() }).collect();
@@ -100,7 +105,7 @@ impl PathFollower {
         let mut steering = Self {
             motions: motions.clone(),
             discs: (0..parts).map(|i| discs.get(i).copied().unwrap_or_default()).collect(),
-            half_side_m,
+            half_side_m: *half_side_m,
             places_m: (0..parts).map(place).collect(),
             groups: (0..parts).map(group).collect(),
             place_of: Vec::new(),

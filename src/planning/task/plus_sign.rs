@@ -4,7 +4,7 @@ use upm_core::time::PlateTime;
 
 /// Parameters of the paper's first task (section 3.4, Fig. 13): one part goes to the centre by translations along x,
 /// then y, and then follows the branches of a plus sign clockwise: out to the edge, back to the centre, next branch.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlusSignParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
@@ -36,7 +36,7 @@ const CENTRING: u64 = 2;
 const LAP: u64 = 8;
 
 /// Straight section of the path.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct PathSegment {
     from_m: Vec2,
     to_m: Vec2,
@@ -65,7 +65,7 @@ impl PathSegment {
 }
 
 /// Task that follows [`PlusSignParams`]. It steers the first part; others keep their first position as subgoal.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct PlusSign {
     params: PlusSignParams,
     /// Number of legs driven.
@@ -85,17 +85,7 @@ pub struct PlusSign {
 impl PlusSign {
     /// A new task with these parameters. A branch too short for the part has no length.
     pub fn new(params: PlusSignParams) -> Self {
-        let nowhere = PathSegment { from_m: Vec2::zeros(), to_m: Vec2::zeros() };
-        Self {
-            params,
-            leg: 0,
-            segment: nowhere,
-            before_m: Vec2::zeros(),
-            gone_m: 0.0,
-            seen_m: Vec::new(),
-            first_seen_m: Vec::new(),
-            furthest: 0.0,
-        }
+        Self { params, ..Self::default() }
     }
 
     /// Distance of the part's centre from the plate's centre at the end of a branch, m.
@@ -165,10 +155,6 @@ impl PlusSign {
         BRANCHES[branch].0 * self.reach_m()
     }
 
-    fn laps_done(&self) -> u32 {
-        self.place().map_or(0, |(laps, ..)| laps)
-    }
-
     fn progress(&self) -> f64 {
         let (Some((laps, branch, back)), 1..) = (self.place(), self.params.laps) else { return 0.0 };
         let branches = branch as f64 + if back { 0.5 } else { 0.0 } + 0.5 * self.furthest;
@@ -226,7 +212,7 @@ impl Task for PlusSign {
             targets_m: self.first_seen_m.clone(),
             phase: self.phase(),
             progress: self.progress(),
-            laps: self.laps_done(),
+            laps: self.place().map_or(0, |(laps, ..)| laps),
             cross_track_m: vec![0.0; parts_in_table_m.len()],
             paths: vec![None; parts_in_table_m.len()],
             done: self.is_done(),

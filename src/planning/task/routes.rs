@@ -102,7 +102,10 @@ impl<'a> PrioritizedPlanner<'a> {
         for &part in &self.blocked {
             ways_m[part] = vec![self.starts_m[part]];
         }
-        let moments = self.moments(pitch_m);
+        // as many as the longest straight route takes
+        let straight_m =
+            self.starts_m.iter().zip(&self.problem.targets_m).map(|(start, target)| (target - start).norm());
+        let moments = (straight_m.fold(0.0, f64::max) / pitch_m).ceil() as usize;
         for &part in order {
             let obstacle = |other: usize| {
                 let least_m = self.problem.least_m(part, other, PLANNED_GAP_M);
@@ -134,12 +137,6 @@ impl<'a> PrioritizedPlanner<'a> {
             way_m.resize(last, way_m.last().copied().unwrap_or(*start_m));
         }
         Ok(ways_m)
-    }
-
-    /// Moments that the longest straight route takes.
-    fn moments(&self, pitch_m: f64) -> usize {
-        let ways = self.starts_m.iter().zip(&self.problem.targets_m).map(|(start, target)| (target - start).norm());
-        (ways.fold(0.0, f64::max) / pitch_m).ceil() as usize
     }
 
     /// Declares a part blocked: of those that failed to find a route, the one furthest from its target.

@@ -1,5 +1,5 @@
 use super::assignment::assign;
-use super::path_follower::{Motions, PathFollower};
+use super::path_follower::{PathFollower, PlateScene};
 use super::slots::Slots;
 use super::{PartOutline, Setpoints, Task};
 use upm_core::geometry::Vec2;
@@ -39,12 +39,8 @@ impl BinParams {
 /// Parameters of sorting: every part goes into its kind's bin.
 #[derive(Clone, Debug)]
 pub struct SortParams {
-    /// Half the plate's side, m.
-    pub half_side_m: f64,
-    /// The kind of motion that moves the parts.
-    pub motions: Motions,
-    /// Discs of the parts, in the order of the positions given to [`Task::next`].
-    pub discs: Vec<PartOutline>,
+    /// The plate and its parts.
+    pub scene: PlateScene,
     /// The bins. A part of a kind without a bin stays where it was first seen.
     pub bins: Vec<BinParams>,
     /// Required distance of a part's observed rim inside its bin, m.
@@ -56,7 +52,7 @@ impl SortParams {
     /// less; negative where no slots were found for its parts.
     pub fn gaps_m(&self) -> Vec<f64> {
         let gap_m = |(number, bin): (usize, &BinParams)| {
-            let radii_m: Vec<f64> = self.parts_of(number).map(|part| self.discs[part].radius_m).collect();
+            let radii_m: Vec<f64> = self.parts_of(number).map(|part| self.scene.discs[part].radius_m).collect();
             let largest_m = radii_m.iter().copied().fold(0.0, f64::max);
             bin.slots(&radii_m).gap_m.max(bin.slots(&vec![largest_m; radii_m.len()]).gap_m)
         };
@@ -65,17 +61,17 @@ impl SortParams {
 
     /// Index of the bin for a part.
     fn bin_of(&self, part: usize) -> Option<usize> {
-        let kind = self.discs.get(part)?.kind;
+        let kind = self.scene.discs.get(part)?.kind;
         self.bins.iter().position(|bin| bin.kinds.contains(&kind))
     }
 
     fn parts_of(&self, bin: usize) -> impl Iterator<Item = usize> {
-        (0..self.discs.len()).filter(move |&part| self.bin_of(part) == Some(bin))
+        (0..self.scene.discs.len()).filter(move |&part| self.bin_of(part) == Some(bin))
     }
 
     /// Distance of a part's rim inside its bin, m; `None` when it has no bin.
     fn inside_m(&self, part: usize, center_m: Vec2) -> Option<f64> {
-        Some(self.bins[self.bin_of(part)?].inside_m(center_m, self.discs[part].radius_m))
+        Some(self.bins[self.bin_of(part)?].inside_m(center_m, self.scene.discs[part].radius_m))
     }
 }
 
@@ -93,13 +89,13 @@ impl Sort {
     }
 
     fn steering(&self, parts_in_table_m: &[Vec2]) -> PathFollower {
-        let SortParams { half_side_m, motions, discs, bins, .. } = &self.params;
+        let SortParams { scene, bins, .. } = &self.params;
         let mut places = TargetSet::new(parts_in_table_m);
         for (number, bin) in bins.iter().enumerate() {
             let parts = self.params.parts_of(number).filter(|&part| part < parts_in_table_m.len());
-            places.fill(bin, parts.collect(), discs, parts_in_table_m);
+            places.fill(bin, parts.collect(), &scene.discs, parts_in_table_m);
         }
-        PathFollower::new(motions, discs, *half_side_m, &places.at_m, places.groups, parts_in_table_m)
+        PathFollower::new(scene, &places.at_m, places.groups, parts_in_table_m)
     }
 }
 
@@ -197,7 +193,8 @@ mod tests {
     fn penny_bin(min: (f64, f64), max: (f64, f64), pennies: usize) -> SortParams {
         let bin = BinParams { kinds: vec![0, 1], min_m: Vec2::new(min.0, min.1), max_m: Vec2::new(max.0, max.1) };
         let discs = vec![PartOutline { kind: 0, radius_m: PENNY_M }; pennies];
-        SortParams { half_side_m: 0.1524, motions: Motions::Independent, discs, bins: vec![bin], margin_m: 5e-5 }
+        let scene = PlateScene { half_side_m: 0.1524, discs, ..PlateScene::default() };
+        SortParams { scene, bins: vec![bin], margin_m: 5e-5 }
     }
 
     #[test]
@@ -236,7 +233,8 @@ mod tests {
         let width = 2.0 * radii.iter().sum::<f64>() + 5.0 * 0.002;
         let discs =
             radii.iter().map(|&radius_m| PartOutline { kind: usize::from(radius_m > 0.01), radius_m }).collect();
-        let params = SortParams { discs, ..penny_bin((-0.5 * width, 0.0), (0.5 * width, 0.027), 0) };
+        let scene = PlateScene { half_side_m: 0.1524, discs, ..PlateScene::default() };
+        let params = SortParams { scene, ..penny_bin((-0.5 * width, 0.0), (0.5 * width, 0.027), 0) };
         assert!((params.gaps_m()[0] - 0.002).abs() < 1e-5, "{:?}", params.gaps_m());
         let starts: Vec<Vec2> = (0..5).map(|i| Vec2::new(0.05 - 0.025 * f64::from(i), -0.06)).collect();
         let wanted = Sort::new(params.clone()).next(PlateTime::ZERO, &starts);

@@ -89,6 +89,7 @@ impl PathQuery<'_> {
         let from_m = self.place_m(cell);
         let centre = cell.unwrap_or_else(|| self.nearest());
         let near = (-1..=1).flat_map(|x| (-1..=1).map(move |y| (x, y)));
+        let cost = |x: i16, y: i16| [WAIT, STRAIGHT, DIAGONAL][usize::from(x.unsigned_abs() + y.unsigned_abs())];
         let steps = near.map(|(x, y)| (Some((centre.0 + x, centre.1 + y)), cost(x, y)));
         let wait = cell.is_none().then_some((None, WAIT));
         steps
@@ -122,14 +123,6 @@ impl PathQuery<'_> {
         let (x, y) = (u32::from(x.unsigned_abs()), u32::from(y.unsigned_abs()));
         let (long, short) = (x.max(y), x.min(y));
         ((long - short) * STRAIGHT + short * DIAGONAL) * HASTE_TENTHS / 10
-    }
-}
-
-fn cost(x: i16, y: i16) -> u32 {
-    match x.abs() + y.abs() {
-        0 => WAIT,
-        1 => STRAIGHT,
-        _ => DIAGONAL,
     }
 }
 

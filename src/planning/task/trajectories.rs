@@ -1,5 +1,5 @@
-use super::path_follower::{Motions, PathFollower};
-use super::{LateLap, PartOutline, PathStretch, Setpoints, Task};
+use super::path_follower::{PathFollower, PlateScene};
+use super::{LateLap, PathStretch, Setpoints, Task};
 use upm_core::geometry::{Polyline, Segment, Vec2};
 use upm_core::time::PlateTime;
 
@@ -31,12 +31,8 @@ pub struct PathParams {
 /// Parameters of parts on paths.
 #[derive(Clone, Debug, Default)]
 pub struct TrajectoriesParams {
-    /// Half the plate's side, m.
-    pub half_side_m: f64,
-    /// The kind of motion that moves the parts.
-    pub motions: Motions,
-    /// Discs of the parts, in the order of the positions given to [`Task::next`].
-    pub discs: Vec<PartOutline>,
+    /// The plate and its parts.
+    pub scene: PlateScene,
     /// Path of each part.
     pub paths: Vec<PathParams>,
     /// True if all have completed the same fraction of their laps at any time. Each pass then ends at the first
@@ -55,7 +51,7 @@ pub struct TrajectoriesParams {
 /// Task that follows [`TrajectoriesParams`]. First all parts go to the first waypoints of their paths; from then on a
 /// reference runs along each path in plate time, and waits where its part lags. A subgoal is the reference's position
 /// at the end of the cycle.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Trajectories {
     params: TrajectoriesParams,
     approach: Option<PathFollower>,
@@ -72,21 +68,11 @@ pub struct Trajectories {
 impl Trajectories {
     /// A new task with these parameters.
     pub fn new(params: TrajectoriesParams) -> Self {
-        Self {
-            params,
-            approach: None,
-            followers: Vec::new(),
-            begun_at: None,
-            lap_begun_at: PlateTime::ZERO,
-            laps: 0,
-            late_lap: None,
-            looked_at: None,
-            cycle_s: FIRST_CYCLE_S,
-        }
+        Self { params, cycle_s: FIRST_CYCLE_S, ..Self::default() }
     }
 
     fn begin(&mut self, parts_in_table_m: &[Vec2]) -> PathFollower {
-        let TrajectoriesParams { half_side_m, motions, discs, paths, in_phase, .. } = &self.params;
+        let TrajectoriesParams { scene, paths, in_phase, .. } = &self.params;
         let follower = |(i, part_m): (usize, &Vec2)| {
             let path = paths.get(i).filter(|path| !path.waypoints_m.is_empty()).cloned();
             let stays = || PathParams { waypoints_m: vec![finite_or_origin(*part_m)], repeat: 1, speed_mps: 0.0 };
@@ -96,7 +82,7 @@ impl Trajectories {
         self.begun_at = None;
         let firsts_m: Vec<Vec2> = self.followers.iter().map(|follower| follower.lap.at(0.0)).collect();
         let each_its_own = (0..self.followers.len()).collect();
-        PathFollower::new(motions, discs, *half_side_m, &firsts_m, each_its_own, parts_in_table_m)
+        PathFollower::new(scene, &firsts_m, each_its_own, parts_in_table_m)
     }
 
     /// Moves the references on by `elapsed_s` and the subgoals ahead of them.

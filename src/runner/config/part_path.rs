@@ -8,7 +8,7 @@ use super::targets::drawing_of;
 use upm_core::document::{Diagnostics, Path};
 use upm_core::geometry::Vec2;
 use upm_core::units::m_from_mm;
-use upm_planning::shapes::{Lissajous, circle_path, closed_from};
+use upm_planning::shapes::{circle_path, closed_from, lissajous_path};
 use upm_planning::task::PathParams;
 
 /// Most corners of a path made from a drawing.
@@ -107,9 +107,9 @@ fn lissajous_of(entry: &LissajousShape, at: &Path, faults: &mut Diagnostics) -> 
         return None;
     }
     let (center_m, size_m) = (point_m(center_mm), point_m(size_mm));
-    let figure = Lissajous { center_m, size_m, frequencies: [a, b], phase_rad: phase_deg.to_radians() };
+    let points_m = lissajous_path(center_m, size_m, [a, b], phase_deg.to_radians());
     let growth = Growth { name: "size_mm", size_mm: size_mm.to_vec(), center_m };
-    Some(PathLine { key: "lissajous", points_m: figure.path(), growth: Some(growth) })
+    Some(PathLine { key: "lissajous", points_m, growth: Some(growth) })
 }
 
 fn common_factor(a: u32, b: u32) -> u32 {

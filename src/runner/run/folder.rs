@@ -77,7 +77,7 @@ impl RunFolder {
     pub(super) fn write_effective(&self, job: &JobSpec, library: &Library) -> Result<(), RunError> {
         let (version, mut effective) = (env!("CARGO_PKG_VERSION"), job.effective());
         // a run can be repeated from it without any other file
-        effective["library"] = library.to_members().into();
+        effective["library"] = serde_json::to_value(library).unwrap_or_default();
         self.write_json("effective.json", &json!({ "version": version, "camera": job.camera, "job": effective }))
     }
 

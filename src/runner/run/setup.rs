@@ -13,8 +13,8 @@ use upm_core::time::PlateTime;
 use upm_planning::cor_library::{Entry, Library};
 use upm_planning::planner::{FlowEffort, PlannerParams, PlanningMethod, RotationPlanner};
 use upm_planning::task::{
-    Arrange, ArrangeParams, BinParams, Effort, Hold, HoldParams, Motions, PartOutline, PlusSign, PlusSignParams, Sort,
-    SortParams, Task, Trajectories, TrajectoriesParams,
+    Arrange, ArrangeParams, BinParams, Effort, Hold, HoldParams, Motions, PartOutline, PlateScene, PlusSign,
+    PlusSignParams, Sort, SortParams, Task, Trajectories, TrajectoriesParams,
 };
 use upm_sim::SimRig;
 use upm_sim::faults::FaultSpec;
@@ -158,6 +158,7 @@ fn stride_m(library: &Library) -> f64 {
 fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart], method: PlanningMethod) -> Box<dyn Task> {
     let half_side_m = 0.5 * job.rig.model.plate_side_m;
     let arrive_m = MEASURED_SHARE * job.tolerance_m;
+    let scene = |motions: Motions| PlateScene { half_side_m, motions, discs: discs(placed) };
     match &job.task {
         TaskSpec::PlusSign { laps, edge_margin_m, corridor_m } => Box::new(PlusSign::new(PlusSignParams {
             half_side_m,
@@ -169,9 +170,7 @@ fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart], method: Plannin
             corridor_m: *corridor_m,
         })),
         TaskSpec::Trajectories { paths, in_phase, corridor_m } => Box::new(Trajectories::new(TrajectoriesParams {
-            half_side_m,
-            motions: motions(job, library, method),
-            discs: discs(placed),
+            scene: scene(motions(job, library, method)),
             paths: paths.clone(),
             in_phase: *in_phase,
             lead_m: LEAD_M,
@@ -180,9 +179,7 @@ fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart], method: Plannin
             corridor_m: *corridor_m,
         })),
         TaskSpec::Arrange { targets_m, assignment } => Box::new(Arrange::new(ArrangeParams {
-            half_side_m,
-            motions: motions(job, library, method),
-            discs: discs(placed),
+            scene: scene(motions(job, library, method)),
             targets_m: targets_m.clone(),
             exchange: *assignment == Assignment::Optimal,
             arrive_m,
@@ -192,9 +189,7 @@ fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart], method: Plannin
             let duration_s = if job.is_endless() { job.plate_time_limit_s } else { *duration_s };
             Box::new(Hold::new(HoldParams { half_side_m, discs: discs(placed), duration_s, arrive_m }))
         }
-        TaskSpec::Sort { bins } => {
-            Box::new(Sort::new(sort_params(job, bins, discs(placed), motions(job, library, method))))
-        }
+        TaskSpec::Sort { bins } => Box::new(Sort::new(sort_params(job, bins, scene(motions(job, library, method))))),
     }
 }
 
@@ -224,11 +219,9 @@ fn discs(placed: &[PlacedPart]) -> Vec<PartOutline> {
     placed.iter().map(|part| PartOutline { kind: part.kind, radius_m: part.params.radius_m }).collect()
 }
 
-fn sort_params(job: &JobSpec, bins: &[BinParams], discs: Vec<PartOutline>, motions: Motions) -> SortParams {
+fn sort_params(job: &JobSpec, bins: &[BinParams], scene: PlateScene) -> SortParams {
     SortParams {
-        half_side_m: 0.5 * job.rig.model.plate_side_m,
-        motions,
-        discs,
+        scene,
         bins: bins.to_vec(),
         // slots may be as near to the border as half the gap between rims
         margin_m: ((1.0 - MEASURED_SHARE) * job.tolerance_m).min(0.25 * REST_GAP_M),
@@ -286,7 +279,8 @@ mod tests {
             let smallest = job(high).unwrap();
             let placed = place_parts(&smallest, Streams::new(1)).unwrap();
             let TaskSpec::Sort { bins } = &smallest.task else { panic!("{:?}", smallest.task) };
-            let gaps_m = sort_params(&smallest, bins, discs(&placed), Motions::Independent).gaps_m();
+            let scene = PlateScene { discs: discs(&placed), ..PlateScene::default() };
+            let gaps_m = sort_params(&smallest, bins, scene).gaps_m();
             // slots are spread by bisection, to less than a micrometre
             prop_assert!(gaps_m[0] > REST_GAP_M - 1e-6, "{gaps_m:?} in {width} x {high}");
         }

@@ -63,7 +63,6 @@ impl PlateSlopes {
 impl PlateInstant {
     /// Under an envelope of `height` and, where the displacement follows it, of `slope` (1/s):
     /// `d/dt (env x) = env v + env' x`.
-    #[inline]
     pub fn shaped(&self, height: f64, slope: f64) -> Self {
         Self {
             velocity_mps: self.velocity_mps * height + self.offset_m * slope,
@@ -100,31 +99,26 @@ impl HarmonicBasis {
     }
 
     /// Coefficients of one axis.
-    #[inline]
     pub fn per_axis(&self) -> usize {
         2 * self.harmonics
     }
 
     /// Coefficients of a motion.
-    #[inline]
     pub fn len(&self) -> usize {
         3 * self.per_axis()
     }
 
     /// Length of a step, s.
-    #[inline]
     pub fn step_s(&self) -> f64 {
         TAU / self.base_radps * STRIDE as f64 / self.samples as f64
     }
 
     /// Slip below which friction is smoothed to zero, m/s: two thirds of the speed that friction changes in a step.
-    #[inline]
     pub fn smoothing_mps(&self) -> f64 {
         if self.follows == Follows::Velocity { 1e-3 } else { 0.5e-3 }
     }
 
     /// Index of the phase at every step, from the first on.
-    #[inline]
     pub fn phases(&self) -> impl Iterator<Item = usize> {
         let next = |phase: &usize| {
             Some(if phase + STRIDE < self.samples { phase + STRIDE } else { phase + STRIDE - self.samples })
@@ -133,7 +127,6 @@ impl HarmonicBasis {
     }
 
     /// The harmonic a coefficient belongs to, from 1.
-    #[inline]
     pub fn harmonic_of(&self, coefficient: usize) -> usize {
         coefficient % self.per_axis() / 2 + 1
     }
@@ -160,7 +153,6 @@ impl HarmonicBasis {
     }
 
     /// Coefficients of the time integral of harmonic `k` with coefficients `cos` and `sin`.
-    #[inline]
     pub fn integral(&self, [cos, sin]: [f64; 2], k: usize) -> [f64; 2] {
         let radps = k as f64 * self.base_radps;
         [-sin / radps, cos / radps]
@@ -217,13 +209,11 @@ impl HarmonicBasis {
     }
 
     /// Index of the phase in which cosines equal those of phase `q` and sines are opposite.
-    #[inline]
     fn mirrored(&self, q: usize) -> usize {
         (self.samples - q) % self.samples
     }
 
     /// The motion as a [`TwistWave`].
-    #[inline]
     pub fn wave(&self, coefficients: &[f64]) -> TwistWave {
         let [x, y, spin] = self.axes(coefficients);
         let twist = |j: usize| Twist::new(x[j], y[j], spin[j] / self.half_side_m);
@@ -246,12 +236,10 @@ impl HarmonicBasis {
     }
 
     /// Steps that make up a period, rounded down.
-    #[inline]
     pub fn steps_a_period(&self) -> usize {
         self.samples / STRIDE
     }
 
-    #[inline]
     fn axes<'a>(&self, coefficients: &'a [f64]) -> [&'a [f64]; 3] {
         let (x, rest) = coefficients.split_at(self.per_axis());
         let (y, spin) = rest.split_at(self.per_axis());

@@ -49,13 +49,11 @@ impl MotorEffort {
     }
 
     /// `sqrt(Σ weight c²)`.
-    #[inline]
     pub fn norm(&self, coefficients: &[f64]) -> f64 {
         coefficients.iter().zip(&self.weights).map(|(c, w)| w * c * c).sum::<f64>().sqrt()
     }
 
     /// Scales the motion to its share of the motors' limit.
-    #[inline]
     pub fn fill(&self, basis: &HarmonicBasis, coefficients: &mut [f64]) {
         let peak = self.peak_counts(basis, coefficients);
         if peak > 0.0 {

@@ -102,13 +102,6 @@ impl FieldModel {
     }
 }
 
-/// Failed attempt at a plan.
-struct AttemptFailed {
-    by: Limit,
-    /// The motion found before limits were applied, a start for the next attempt.
-    motion: Vec<f64>,
-}
-
 impl FieldPlanner {
     /// A planner for one rig's library; `None` where the library has no synthesised motions or no friction.
     pub fn new(library: &Arc<Library>, params: PlannerParams) -> Option<Self> {
@@ -138,8 +131,8 @@ impl FieldPlanner {
         for _ in 0..ATTEMPTS {
             match self.attempt((parts, corridors), rms_m, wanted_m, again.take()) {
                 Ok(plan) => return plan,
-                Err(AttemptFailed { by: Limit::Unreachable, .. }) => self.restart_from_seed(),
-                Err(AttemptFailed { by, motion }) => (stopped_by, again, wanted_m) = (by, Some(motion), 0.5 * wanted_m),
+                Err((Limit::Unreachable, _)) => self.restart_from_seed(),
+                Err((by, motion)) => (stopped_by, again, wanted_m) = (by, Some(motion), 0.5 * wanted_m),
             }
         }
         PlanStatus::Infeasible(stopped_by).into()
@@ -183,14 +176,14 @@ impl FieldPlanner {
     }
 
     /// A pulse for steps of `wanted_m` root mean square that keeps the limits, found from `again` or from scratch; else
-    /// the limit that prevents it.
+    /// the limit that prevents it, and the motion found before limits were applied, a start for the next attempt.
     fn attempt(
         &mut self,
         (parts, corridors): (&[PartState], &[Option<Corridor>]),
         rms_m: f64,
         wanted_m: f64,
         again: Option<Vec<f64>>,
-    ) -> Result<Plan, AttemptFailed> {
+    ) -> Result<Plan, (Limit, Vec<f64>)> {
         let shorter = |p: &PartState| p.step_m * ((LONGEST * rms_m / p.step_m.norm()).min(1.0) * wanted_m / rms_m);
         let steps: Vec<Vec2> =
             parts.iter().map(|p| if p.step_m == Vec2::zeros() { p.step_m } else { shorter(p) }).collect();
@@ -213,7 +206,7 @@ impl FieldPlanner {
             None => self.best_iterate(&free, parts, &steps),
         };
         let motion = iterate.coefficients.clone();
-        let iterate = self.cleared(iterate, &free, parts).map_err(|by| AttemptFailed { by, motion })?;
+        let iterate = self.cleared(iterate, &free, parts).map_err(|by| (by, motion))?;
         let left = iterate.left(&steps_m);
         let predicted_m = vec![iterate.rollout.ends_m.clone()];
         self.promised_m.clone_from(&iterate.rollout.ends_m);

@@ -24,29 +24,26 @@ const SPEED_SOFTENING: f64 = 1e-4;
 /// Price of a displacement across the wanted step, relative to one along it.
 const CROSS_STEP_PRICE: f64 = 0.3;
 
-/// One of the eight symmetries of a square.
+/// One of the eight symmetries of a square, by number: quarter turns, from 4 on after a mirroring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Symmetry {
-    quarters: usize,
-    mirrored: bool,
-}
+struct Symmetry(usize);
 
 impl Symmetry {
     const COUNT: usize = 8;
 
-    fn number(i: usize) -> Self {
-        Self { quarters: i % 4, mirrored: i >= 4 }
+    fn mirrors(self) -> bool {
+        self.0 >= 4
     }
 
     /// Image of `v`: mirrored first (x changes sign), then turned.
     fn onto(self, v: Vec2) -> Vec2 {
-        let v = if self.mirrored { Vec2::new(-v.x, v.y) } else { v };
-        (0..self.quarters).fold(v, |v, _| Vec2::new(-v.y, v.x))
+        let v = if self.mirrors() { Vec2::new(-v.x, v.y) } else { v };
+        (0..self.0 % 4).fold(v, |v, _| Vec2::new(-v.y, v.x))
     }
 
     fn back(self, v: Vec2) -> Vec2 {
-        let v = (0..self.quarters).fold(v, |v, _| Vec2::new(v.y, -v.x));
-        if self.mirrored { Vec2::new(-v.x, v.y) } else { v }
+        let v = (0..self.0 % 4).fold(v, |v, _| Vec2::new(v.y, -v.x));
+        if self.mirrors() { Vec2::new(-v.x, v.y) } else { v }
     }
 }
 
@@ -96,7 +93,7 @@ impl SeedLibrary {
     /// The `count` motions with the highest score for `steps_m` of parts at `positions_m`, best first.
     pub fn best(&self, basis: &HarmonicBasis, positions_m: &[Vec2], steps_m: &[Vec2], count: usize) -> Vec<Vec<f64>> {
         let mut scores = Vec::with_capacity(MOTIONS * Symmetry::COUNT);
-        for symmetry in (0..Symmetry::COUNT).map(Symmetry::number) {
+        for symmetry in (0..Symmetry::COUNT).map(Symmetry) {
             scores.extend(self.scores(symmetry, positions_m, steps_m));
         }
         let count = count.min(scores.len());
@@ -136,7 +133,7 @@ impl SeedLibrary {
 
     /// Pushes of every motion under every symmetry on parts at rest at `positions_m`: mean directions of the slip.
     pub fn all_mean_forces(&self, positions_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
-        (0..Symmetry::COUNT).map(Symmetry::number).flat_map(move |symmetry| {
+        (0..Symmetry::COUNT).map(Symmetry).flat_map(move |symmetry| {
             let at: Vec<Vec<[SimdF64; 2]>> =
                 positions_m.iter().map(|&p| self.pushes_at(symmetry.back(p)).collect()).collect();
             (0..MOTIONS).map(move |motion| {
@@ -171,7 +168,7 @@ impl SeedLibrary {
         for j in 0..n {
             let along = symmetry.onto(Vec2::new(transformed[j], transformed[n + j])) * sign;
             (transformed[j], transformed[n + j]) = (along.x, along.y);
-            transformed[2 * n + j] *= if symmetry.mirrored { -sign } else { sign };
+            transformed[2 * n + j] *= if symmetry.mirrors() { -sign } else { sign };
         }
         transformed
     }

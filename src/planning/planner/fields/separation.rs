@@ -49,13 +49,11 @@ impl SeparationPenalty {
     }
 
     /// Raises the distance asked for by `by_m`, and to no less than `by_m`.
-    #[inline]
     pub fn push(&mut self, by_m: f64) {
         self.aim_m = self.aim_m.max(0.0) + by_m;
     }
 
     /// Indices and factors of the flat vector (x, y of every part) in this penalty's residual.
-    #[inline]
     pub fn terms(&self) -> impl Iterator<Item = (usize, f64)> {
         let of = |part: usize, sign: f64| {
             let along = self.normal * (sign * WEIGHT);
@@ -65,13 +63,11 @@ impl SeparationPenalty {
     }
 
     /// Weighted distance still missing after displacements of `went_m`, m.
-    #[inline]
     pub fn missing(&self, went_m: &[f64]) -> f64 {
         WEIGHT * (self.aim_m - self.along(went_m))
     }
 
     /// Distance gained by flat displacements, m.
-    #[inline]
     fn along(&self, flat_m: &[f64]) -> f64 {
         self.terms().map(|(i, factor)| flat_m.get(i).map_or(0.0, |v| v * factor / WEIGHT)).sum()
     }

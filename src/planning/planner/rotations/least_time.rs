@@ -91,7 +91,7 @@ impl LeastTime {
             gradient: chosen.iter().map(|&j| columns.duration_s[j]).chain([BEYOND_S_PER_MM]).collect(),
             constraints: constraints.finish(bounds.len()),
             bounds,
-            cones: vec![Cone::Nonnegative(count + 1), Cone::SecondOrder(1 + rows)],
+            cones: vec![Cone::NonnegativeConeT(count + 1), Cone::SecondOrderConeT(1 + rows)],
         };
         let Minimiser { x, multipliers } = program.solve().ok()?;
         let mut counts = vec![0.0; columns.len()];

@@ -162,9 +162,7 @@ impl LibraryMotion {
         let step = (belt * travel.along_m + perp(belt) * across_m) * (gain / speed);
         (p + step, travel.coasts_s)
     }
-}
 
-impl LibraryMotion {
     /// Position halfway of a part that the motion carries from `from` to `end`, m: an arc, with a quarter of its
     /// deviation from the first direction.
     pub fn middle(&self, from: Vec2, end: Vec2) -> Vec2 {

@@ -207,7 +207,7 @@ impl Linear {
             hessian: hessian.finish(n + m + 2),
             gradient: price.chain(std::iter::repeat_n(0.0, m)).chain([PENALTY; 2]).collect(),
             constraints: constraints.finish(bounds.len()),
-            cones: vec![Cone::Zero(m), Cone::Nonnegative(bounds.len() - m)],
+            cones: vec![Cone::ZeroConeT(m), Cone::NonnegativeConeT(bounds.len() - m)],
             bounds,
         };
         let mut found = program.solve().ok()?;

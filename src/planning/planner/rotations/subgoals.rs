@@ -46,12 +46,15 @@ impl Clearance {
             let at_target_m = params.half_side_m - part.radius_m - target.amax();
             EDGE_M.min(at_target_m.max(params.edge_margin_m))
         };
+        let off_m = |(corridor, part): (&Option<Corridor>, &PartState)| {
+            corridor.as_ref().map_or(0.0, |corridor| corridor.off(part.position_m).norm())
+        };
         Self {
             half_side_m: params.half_side_m,
             radii_m: parts.iter().map(|part| part.radius_m).collect(),
             gap_m: params.separation_m,
             edge_m: parts.iter().zip(targets_m).map(edge_m).collect(),
-            off_m: corridors.iter().zip(parts).map(|(line, part)| off_m(line, part.position_m)).collect(),
+            off_m: corridors.iter().zip(parts).map(off_m).collect(),
             corridors: corridors.to_vec(),
         }
     }
@@ -152,10 +155,6 @@ impl Clearance {
             }
         }
     }
-}
-
-fn off_m(corridor: &Option<Corridor>, p_m: Vec2) -> f64 {
-    corridor.as_ref().map_or(0.0, |corridor| corridor.off(p_m).norm())
 }
 
 /// Weight of a broken limit against the distance from the straight path.

@@ -39,9 +39,7 @@ fn by_rotations() -> Motions {
 
 fn arranged(discs: &[PartOutline], starts_m: &[Vec2], targets_m: &[Vec2], exchange: bool) -> ClosedLoopResult {
     let params = ArrangeParams {
-        half_side_m: HALF_SIDE_M,
-        motions: by_rotations(),
-        discs: discs.to_vec(),
+        scene: PlateScene { half_side_m: HALF_SIDE_M, motions: by_rotations(), discs: discs.to_vec() },
         targets_m: targets_m.to_vec(),
         exchange,
         arrive_m: ARRIVE_M,

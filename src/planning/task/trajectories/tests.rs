@@ -3,7 +3,7 @@ use rand::RngExt;
 use std::f64::consts::TAU;
 
 use super::*;
-use crate::task::PENNY_M;
+use crate::task::{PENNY_M, PartOutline};
 use upm_core::random::Streams;
 
 const ARRIVE_M: f64 = 0.0005;
@@ -11,9 +11,11 @@ const CORNERS: usize = 60;
 
 fn params(paths: Vec<PathParams>, in_phase: bool) -> TrajectoriesParams {
     TrajectoriesParams {
-        half_side_m: 0.1524,
-        motions: Motions::Independent,
-        discs: vec![PartOutline { kind: 0, radius_m: PENNY_M }; paths.len()],
+        scene: PlateScene {
+            half_side_m: 0.1524,
+            discs: vec![PartOutline { kind: 0, radius_m: PENNY_M }; paths.len()],
+            ..PlateScene::default()
+        },
         paths,
         in_phase,
         lead_m: 0.004,
