@@ -196,9 +196,10 @@ impl Session<'_> {
             }
             report_recording_end(&options.recording_options.recording, sinks, at);
         };
-        let mut sinks = Fanout::new().with(&mut named).with(&mut journal);
-        sinks =
-            sinks.with(&mut stats).with(&mut truth_log).with(&mut recorder).with(watcher).after_frame(&mut report_end);
+        let mut sinks = Fanout {
+            sinks: vec![&mut named, &mut journal, &mut stats, &mut truth_log, &mut recorder, &mut *watcher],
+            after_frame: Some(&mut report_end),
+        };
         let missed_before = controls.pacing.start_run();
         let (stop, give_way) = (controls.stop, controls.give_way);
         let mut finish = setup.play(library, self.pace(setup), &mut sinks, *clock, stop, give_way);
@@ -206,7 +207,7 @@ impl Session<'_> {
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
         let warning = finish_recording(recorder, options);
-        let mut sinks = Fanout::new().with(&mut journal).with(&mut stats).with(watcher);
+        let mut sinks = Fanout { sinks: vec![&mut journal, &mut stats, watcher], after_frame: None };
         report_recording_end(&options.recording_options.recording, &mut sinks, setup.now());
         let written = journal.finish().and_then(BackgroundWriter::finish);
         let written = written.map_err(|error| folder.write_error("journal.jsonl", &reason(&error)));

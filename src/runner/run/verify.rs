@@ -53,7 +53,7 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
     let mut end_if_stopped = |_: &mut dyn Sink, _| {
         enough.fetch_or(stop.load(Ordering::Relaxed), Ordering::Relaxed);
     };
-    let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher).after_frame(&mut end_if_stopped);
+    let mut sinks = Fanout { sinks: vec![&mut named, &mut journal, watcher], after_frame: Some(&mut end_if_stopped) };
     setup.play(&library, None, &mut sinks, &StoppedClock, &enough, &AtomicBool::new(false));
     let broken = |error: io::Error| RunError::Write { path: "journal".into(), reason: error.to_string() };
     journal.finish().map_err(broken)?;

@@ -86,7 +86,6 @@ impl LogSink for RrdFile {
 
 /// An encoder that writes messages to `out`, the header first.
 fn encoder(out: Box<dyn Write + Send>, handle: &RecordingHandle) -> Result<Encoder<CountingWriter>, String> {
-    handle.begin();
     let out = CountingWriter { out, handle: handle.clone() };
     let encoder = Encoder::new_eager(rerun::build_info().version, EncodingOptions::PROTOBUF_COMPRESSED, out);
     encoder.map_err(|e| e.to_string()).inspect_err(|fault| handle.fail(fault.as_str()))
