@@ -34,7 +34,7 @@ pub(super) struct ExperimentFile {
     #[schemars(length(min = 1, max = 1000))]
     pulses: Vec<PulseEntry>,
     /// Samples a second of the trajectories put out.
-    #[serde(default = "whole::<1000>")]
+    #[serde(default = "whole::<f64, 1000>")]
     #[schemars(range(min = 1.0, max = 100_000.0))]
     sample_hz: f64,
 }
@@ -69,7 +69,7 @@ struct PulseEntry {
     #[schemars(length(min = 1, max = 16))]
     harmonics: Option<Vec<HarmonicEntry>>,
     /// 1 as said, parts of a rotation flow counter-clockwise; -1 in reverse.
-    #[serde(default = "forwards")]
+    #[serde(default = "whole::<i32, 1>")]
     #[schemars(extend("enum" = [-1, 1]))]
     rotation: i32,
     /// Length at full height, s.
@@ -94,10 +94,6 @@ struct HarmonicEntry {
     /// Amplitudes of `sin kwt`: m/s, m/s, rad/s.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     sin: [f64; 3],
-}
-
-fn forwards() -> i32 {
-    1
 }
 
 /// Most samples in the output, over all parts.

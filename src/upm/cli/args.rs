@@ -258,7 +258,7 @@ pub enum PlateInPicture {
 
 /// Reads a recording mode; refuses one whose recordings cannot be made.
 fn rerun_mode(text: &str) -> Result<RerunMode, String> {
-    let mode = text.parse()?;
+    let mode: RerunMode = text.parse()?;
     upm_viewer::RerunSink::check(&mode).map_err(|error| error.to_string())?;
     Ok(mode)
 }
