@@ -50,24 +50,23 @@ pub(crate) fn fault_entry(spec: &FaultSpec) -> FaultEntry {
 
 /// Reads `COMPONENT:KIND[=VALUE[;VALUE]][@FROM_S[-TO_S]]`; `None` where `text` has another form.
 fn parsed(text: &str) -> Option<FaultEntry> {
-    let (what, when) = text.split_once('@').map_or((text, None), |(what, when)| (what, Some(when)));
-    let (what, value) = what.split_once('=').map_or((what, None), |(what, value)| (what, Some(value)));
+    let (what, when) = cut(text, '@');
+    let (what, value) = cut(what, '=');
     let (component, kind) = what.split_once(':')?;
-    let numbers = |list: &str| list.split(';').map(|n| n.trim().parse().ok()).collect::<Option<Vec<f64>>>();
-    let (from_s, to_s) = match when {
-        Some(when) => match when.split_once('-') {
-            Some((from_s, to_s)) => (from_s.parse().ok()?, Some(to_s.parse().ok()?)),
-            None => (when.parse().ok()?, None),
-        },
-        None => (0.0, None),
-    };
+    let numbers = |list: &str| list.split(';').map(|n| n.trim().parse()).collect::<Result<Vec<f64>, _>>();
+    let (from_s, to_s) = cut(when.unwrap_or("0"), '-');
     Some(FaultEntry {
         component: component.trim().to_owned(),
         kind: kind.trim().to_owned(),
-        value: value.map(numbers).map_or(Some(None), |list| list.map(|list| Some(FaultValue::Several(list))))?,
-        from_s,
-        to_s,
+        value: value.map(numbers).transpose().ok()?.map(FaultValue::Several),
+        from_s: from_s.parse().ok()?,
+        to_s: to_s.map(str::parse).transpose().ok()?,
     })
+}
+
+/// `text` before the first `at`, and what follows it.
+fn cut(text: &str, at: char) -> (&str, Option<&str>) {
+    text.split_once(at).map_or((text, None), |(before, after)| (before, Some(after)))
 }
 
 /// Simulated faults of a job with `parts` parts, and the equivalent list for the file.

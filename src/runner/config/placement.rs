@@ -34,16 +34,12 @@ pub struct PlacedPart {
 /// with rims [`START_GAP_M`] apart and [`START_MARGIN_M`] inside the edge. Draws each part's friction from `streams`.
 /// `Err` if no places are found.
 pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, Diagnostic> {
-    let mut parts = unplaced(job, streams);
+    let parts = unplaced(job, streams);
     let mut rng = Streams::new(job.placement_seed()).stream("placement");
     let half_m = 0.5 * job.rig.model.plate_side_m;
-    for _ in 0..ROUNDS {
-        if let Some(places_m) = scatter(&parts, half_m, &mut rng) {
-            for ((part, _), place_m) in parts.iter_mut().zip(places_m) {
-                part.position_m = place_m;
-            }
-            return Ok(parts.into_iter().map(|(part, _)| part).collect());
-        }
+    if let Some(places_m) = (0..ROUNDS).find_map(|_| scatter(&parts, half_m, &mut rng)) {
+        let placed = parts.into_iter().zip(places_m);
+        return Ok(placed.map(|((part, _), position_m)| PlacedPart { position_m, ..part }).collect());
     }
     let found = format!("{}, not all placed in {ROUNDS} rounds of {TRIES} tries each", counted(parts.len(), "part"));
     Err(Diagnostic::new(&job.file, Path::root().key("parts"), found, "fewer or smaller parts, or given positions"))

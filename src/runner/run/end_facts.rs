@@ -52,16 +52,10 @@ pub(super) fn ending<R: Rig>(
 /// Adds `error`, about a file that could not be written, to the end of a run. A lost part and a stop from outside
 /// remain its cause.
 pub(super) fn add_write_failure(ending: &mut RunEnd, error: &RunError) {
+    use StopRequest::{Cancelled, Estop, Interrupted};
     match (ending.outcome, ending.cause) {
         (_, Some(StopCause::Found(Finding::PartLost))) => ending.reason = format!("{}; {error}", ending.reason),
-        (
-            Outcome::Cancelled,
-            Some(
-                StopCause::Asked(StopRequest::Estop)
-                | StopCause::Asked(StopRequest::Cancelled)
-                | StopCause::Asked(StopRequest::Interrupted),
-            ),
-        ) => {
+        (Outcome::Cancelled, Some(StopCause::Asked(Estop | Cancelled | Interrupted))) => {
             ending.reason = format!("stopped; {error}");
         }
         _ => {
