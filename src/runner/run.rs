@@ -169,7 +169,7 @@ impl Session<'_> {
 
     /// Writes a report with the reason of a failure, so that every run folder has one if it can be written at all.
     fn leave_reason(&self, setup: Option<&RunSetup>, error: &RunError) {
-        if !self.folder.has_report() {
+        if !self.folder.files().contains(&folder::REPORT_FILE) {
             let failed = FinalState { ending: RunEnd::failed(error.to_string()), ..FinalState::default() };
             self.folder.write_report(&RunStats::default().report(ending(self.job, setup, failed, 0.0))).ok();
         }
@@ -182,7 +182,7 @@ impl Session<'_> {
         let started = clock.elapsed();
         let mut journal = Journal::new(folder.journal(&options.recording_options)?, Arc::clone(library));
         let mut stats = RunStats::new(Some(setup.truth.clone()));
-        let mut recorder = start_recording(options, folder, setup, job, library)?;
+        let mut recorder = self.start_recording(setup)?;
         let mut truth_log = TruthLog::of(setup, folder)?;
         let mut named = TruthInJobOrder::new(setup.truth.clone());
         let mut is_lost = false;
@@ -203,12 +203,12 @@ impl Session<'_> {
         let missed_before = controls.pacing.start_run();
         let (stop, give_way) = (controls.stop, controls.give_way);
         let mut finish = setup.play(library, self.pace(setup), &mut sinks, *clock, stop, give_way);
-        controls.explain(&mut finish, &mut sinks, setup.now());
+        controls.explain(&mut finish, &mut sinks, setup.rig.now());
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
         let warning = finish_recording(recorder, options);
         let mut sinks = Fanout { sinks: vec![&mut journal, &mut stats, watcher], after_frame: None };
-        report_recording_end(&options.recording_options.recording, &mut sinks, setup.now());
+        report_recording_end(&options.recording_options.recording, &mut sinks, setup.rig.now());
         let written = journal.finish().and_then(BackgroundWriter::finish);
         let written = written.map_err(|error| folder.write_error("journal.jsonl", &reason(&error)));
         let written =
@@ -224,6 +224,26 @@ impl Session<'_> {
         let reported = folder.write_report(&report);
         report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
         Ok((RunResult { folder: folder.path().to_owned(), report }, written.and(reported)))
+    }
+
+    /// Starts the Rerun recording of the run.
+    fn start_recording(&self, setup: &RunSetup) -> Result<RerunSink, RunError> {
+        let Self { job, library, folder, options, .. } = self;
+        let layout = JobLayout::of(job);
+        let context = RunContext {
+            name: job.name.clone(),
+            seed: job.seed(),
+            library: Arc::clone(library),
+            model: setup.model.clone(),
+            method: setup.params.method,
+            parts: layout.parts,
+            bins: layout.bins,
+            paths: layout.paths,
+            truth: Some(setup.truth.clone()),
+        };
+        let path = folder.path().join("run.rrd");
+        let sink = RerunSink::start(&options.rerun, &path, context, &options.recording_options);
+        sink.map_err(|error| RunError::Recording(error.to_string()))
     }
 
     /// Pacing by the clock, for a run in real time.
@@ -264,31 +284,6 @@ impl RunSetup {
         }
         control::run(RunIo { rig, model, sink, clock, stop, give_way }, library, task.as_mut(), params)
     }
-}
-
-/// Starts the Rerun recording of a run.
-fn start_recording(
-    options: &RunOptions,
-    folder: &RunFolder,
-    setup: &RunSetup,
-    job: &JobSpec,
-    library: &Arc<Library>,
-) -> Result<RerunSink, RunError> {
-    let layout = JobLayout::of(job);
-    let context = RunContext {
-        name: job.name.clone(),
-        seed: job.seed(),
-        library: Arc::clone(library),
-        model: setup.model.clone(),
-        method: setup.params.method,
-        parts: layout.parts,
-        bins: layout.bins,
-        paths: layout.paths,
-        truth: Some(setup.truth.clone()),
-    };
-    let path = folder.path().join("run.rrd");
-    let sink = RerunSink::start(&options.rerun, &path, context, &options.recording_options);
-    sink.map_err(|error| RunError::Recording(error.to_string()))
 }
 
 /// Closes the recording; returns a message if it is incomplete.

@@ -60,16 +60,9 @@ impl TaskContext<'_> {
         let inset_m = Vec2::repeat(0.5 * REST_GAP_M);
         let free_m = (bin.max_m - inset_m).inf(&most_m) - (bin.min_m + inset_m).sup(&-most_m);
         let room = in_rows(free_m, radius_m, REST_GAP_M);
-        let [width, height, diameter, gap, border, edge] = [
-            bin.max_m.x - bin.min_m.x,
-            bin.max_m.y - bin.min_m.y,
-            2.0 * radius_m,
-            REST_GAP_M,
-            0.5 * REST_GAP_M,
-            REST_MARGIN_M,
-        ]
-        .map(mm_from_m);
-        let found = format!("{width:.3} x {height:.3} mm with room for {room} of {diameter:.3} mm");
+        let (size_mm, diameter_mm) = ((bin.max_m - bin.min_m).map(mm_from_m), mm_from_m(2.0 * radius_m));
+        let [gap, border, edge] = [REST_GAP_M, 0.5 * REST_GAP_M, REST_MARGIN_M].map(mm_from_m);
+        let found = format!("{:.3} x {:.3} mm with room for {room} of {diameter_mm:.3} mm", size_mm.x, size_mm.y);
         let allowed = format!(
             "room for {count}, the parts of its kinds (with {gap:.3} mm between rims, {border:.3} mm to the border and \
              {edge:.3} mm to the plate's edge)"

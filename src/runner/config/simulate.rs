@@ -85,7 +85,7 @@ struct PulseEntry {
 
 /// One harmonic of the plate's velocity: `cos` and `sin` times `cos kwt` and `sin kwt`. Each is the velocity of the
 /// plate's centre along x and y, m/s, and its spin, rad/s, counter-clockwise.
-#[derive(Default, Deserialize, JsonSchema)]
+#[derive(Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(default)]
 struct HarmonicEntry {
     /// Amplitudes of `cos kwt`: m/s, m/s, rad/s.
@@ -163,10 +163,6 @@ impl HarmonicEntry {
         let twist = |[vx_mps, vy_mps, spin_radps]: [f64; 3]| Twist::new(vx_mps, vy_mps, spin_radps) * scale;
         TwistHarmonic { cos: twist(self.cos), sin: twist(self.sin) }
     }
-
-    fn is_zero(&self) -> bool {
-        self.cos == [0.0; 3] && self.sin == [0.0; 3]
-    }
 }
 
 impl PulseEntry {
@@ -181,7 +177,7 @@ impl PulseEntry {
                 Twist::new(speed_mps * cos, speed_mps * sin, 0.0)
             }
             (None, None, None, None, Some(harmonics)) => {
-                let moves = harmonics.iter().any(|harmonic| !harmonic.is_zero());
+                let moves = harmonics.iter().any(|harmonic| *harmonic != HarmonicEntry::default());
                 faults.require(moves, at.key("harmonics"), "no motion", "an amplitude other than 0");
                 return Some(harmonics.iter().map(|harmonic| harmonic.scaled(sign)).collect());
             }
@@ -219,7 +215,7 @@ fn check_frequencies(file: &ExperimentFile, rig: &RigSpec, base_hz: f64, faults:
     }
     for (i, pulse) in file.pulses.iter().enumerate() {
         let harmonics = pulse.harmonics.as_deref().unwrap_or_default();
-        if let Some(last) = harmonics.iter().rposition(|harmonic| !harmonic.is_zero()) {
+        if let Some(last) = harmonics.iter().rposition(|harmonic| *harmonic != HarmonicEntry::default()) {
             check(last + 1, &root.key("pulses").index(i).key("harmonics"));
         }
     }

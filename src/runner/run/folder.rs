@@ -27,8 +27,8 @@ pub struct RunFolder(PathBuf);
 /// Files of a run folder. `effective.json`, written just before the run begins, and `report.json`, written when it is
 /// over, are complete if present; the journal may end in an incomplete line, and the recording anywhere.
 const FILES: [&str; 4] = ["effective.json", "journal.jsonl", "run.rrd", REPORT_FILE];
-/// The report of a run.
-const REPORT_FILE: &str = "report.json";
+/// The report of a run, present once it is over.
+pub(super) const REPORT_FILE: &str = "report.json";
 
 impl RunFolder {
     /// Creates `OUT/<name>-<seed>-<utc>/`, with a number appended if that exists.
@@ -57,11 +57,6 @@ impl RunFolder {
     pub fn files(&self) -> Vec<&'static str> {
         let has = |name: &&str| fs::symlink_metadata(self.0.join(name)).is_ok_and(|found| found.is_file());
         FILES.into_iter().filter(has).collect()
-    }
-
-    /// True once the run is over.
-    pub(super) fn has_report(&self) -> bool {
-        self.files().contains(&REPORT_FILE)
     }
 
     /// Path of the folder.

@@ -9,7 +9,6 @@ use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::job::CameraMode;
 use upm_core::random::Streams;
 use upm_core::rig::{PartKind, Rig, RigModel};
-use upm_core::time::PlateTime;
 use upm_planning::cor_library::{Entry, Library};
 use upm_planning::planner::{FlowEffort, PlannerParams, PlanningMethod, RotationPlanner};
 use upm_planning::task::{
@@ -92,13 +91,6 @@ impl RunSetup {
     pub fn with_rig<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> RunSetup<R> {
         let Self { rig, truth, model, planner, task, params, placed, faults, streams } = self;
         RunSetup { rig: make(rig), truth, model, planner, task, params, placed, faults, streams }
-    }
-}
-
-impl<R: Rig> RunSetup<R> {
-    /// Plate time now.
-    pub fn now(&self) -> PlateTime {
-        self.rig.now()
     }
 }
 
