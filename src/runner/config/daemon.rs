@@ -151,7 +151,13 @@ fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) 
         let rig = RigSpec::from_source(plate.rig.clone(), origin, &at.key("rig"), faults)?;
         let (library, library_key) = match library {
             Some(library) => (library?, format!("{}: {}", origin.file, at.key("library"))),
-            None => (library_of_rig(&rig, &at, faults)?, rig.library_key.clone()),
+            None => {
+                if rig.library.is_none() {
+                    let allowed = format!("a path (rig {} names no library)", rig.model.name);
+                    faults.push_missing(at.key("library"), allowed);
+                }
+                (rig.library.clone()?, rig.library_key.clone())
+            }
         };
         let standing = match &plate.standing_job {
             Some(job) => Some(standing_of(job, plate, &rig, origin, &at.key("standing_job"), faults)?),
@@ -192,15 +198,6 @@ fn check_standing(job: &JobSpec, plate: &PlateEntry, rig: &RigSpec, faults: &mut
     faults.require(asked == name, root.key("plate"), quoted(asked), allowed);
     let allowed = format!("nothing (plate {name} has its library)");
     faults.require(!job.names_library(), root.key("library"), "a library", allowed);
-}
-
-/// The library that the rig names. A plate needs one.
-fn library_of_rig(rig: &RigSpec, at: &Path, faults: &mut Diagnostics) -> Option<PathBuf> {
-    if rig.library.is_none() {
-        let allowed = format!("a path (rig {} names no library)", rig.model.name);
-        faults.push_missing(at.key("library"), allowed);
-    }
-    rig.library.clone()
 }
 
 fn default_plate_of(file: &DaemonFile, faults: &mut Diagnostics) -> Option<String> {
