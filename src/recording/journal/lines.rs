@@ -127,13 +127,11 @@ impl<'a> JournalLine<'a> {
         let detail = match event.kind {
             EventKind::Note => None,
             EventKind::Finding { found, change, .. } => {
-                let code = found.finding.code();
-                Some(match change {
-                    FindingChange::Began => DetailPart::Finding { code, change: "began", times: None },
-                    FindingChange::Ended { times, .. } => {
-                        DetailPart::Finding { code, change: "ended", times: Some(times) }
-                    }
-                })
+                let (change, times) = match change {
+                    FindingChange::Began => ("began", None),
+                    FindingChange::Ended { times, .. } => ("ended", Some(times)),
+                };
+                Some(DetailPart::Finding { code: found.finding.code(), change, times })
             }
             EventKind::RunEnded { outcome, cause } => Some(DetailPart::RunEnded { outcome, code: cause }),
             EventKind::RecordingEnded => Some(DetailPart::RecordingEnded { code: RECORDING_FAILED }),

@@ -169,7 +169,8 @@ fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) 
     plates.into_iter().collect()
 }
 
-/// The standing job of `plate`, read from the file that the daemon file names; faults carry that file's name.
+/// The standing job of `plate`, read from the file that the daemon file names; faults carry that file's name. It uses
+/// the plate's rig and names neither a library nor another plate.
 fn standing_of(
     entry: &StandingEntry,
     plate: &PlateEntry,
@@ -183,21 +184,16 @@ fn standing_of(
     let named_by = format!("{}: {}", origin.file, at.key("job"));
     let job = job.map_err(|others| faults.append_named(others, &named_by)).ok()?;
     let mut of_job = Diagnostics::of(&job.file);
-    check_standing(&job, plate, rig, &mut of_job);
-    faults.append_named(of_job.into_list(), &named_by);
-    Some(StandingSpec { job, starts_paused: entry.start == StandingStart::Paused })
-}
-
-/// Checks that the standing job uses the plate's rig and names neither a library nor another plate.
-fn check_standing(job: &JobSpec, plate: &PlateEntry, rig: &RigSpec, faults: &mut Diagnostics) {
     let (root, name) = (Path::root(), &plate.name);
     let allowed = format!("the rig of plate {name}, or nothing");
-    faults.require(rig.is_as_in(&job.rig.document), root.key("rig"), "another rig", allowed);
+    of_job.require(rig.is_as_in(&job.rig.document), root.key("rig"), "another rig", allowed);
     let asked = job.plate.as_deref().unwrap_or(name);
     let allowed = format!("{name} or nothing (it is the standing job of that plate)");
-    faults.require(asked == name, root.key("plate"), quoted(asked), allowed);
+    of_job.require(asked == name, root.key("plate"), quoted(asked), allowed);
     let allowed = format!("nothing (plate {name} has its library)");
-    faults.require(!job.names_library(), root.key("library"), "a library", allowed);
+    of_job.require(!job.names_library(), root.key("library"), "a library", allowed);
+    faults.append_named(of_job.into_list(), &named_by);
+    Some(StandingSpec { job, starts_paused: entry.start == StandingStart::Paused })
 }
 
 fn default_plate_of(file: &DaemonFile, faults: &mut Diagnostics) -> Option<String> {
@@ -217,12 +213,11 @@ fn hosts_of(names: &[String], faults: &mut Diagnostics) -> Vec<String> {
         let allowed = "a host name or IP address without a port like lab.example.org";
         faults.require(is_host(host), &at, quoted(host), allowed);
     }
-    names.iter().map(|host| canonical(host)).collect()
-}
-
-/// Canonical form of `host`, if it is an address, which can be written in many forms.
-fn canonical(host: &str) -> String {
-    address_of(host).map_or_else(|| host.to_ascii_lowercase(), |address| address.to_canonical().to_string())
+    // an address can be written in many forms
+    let canonical = |host: &String| {
+        address_of(host).map_or_else(|| host.to_ascii_lowercase(), |address| address.to_canonical().to_string())
+    };
+    names.iter().map(canonical).collect()
 }
 
 /// The IP address in `host`, with or without brackets.

@@ -118,11 +118,7 @@ impl Drop for RerunSink {
 impl Running {
     fn close(mut self) -> Result<bool, RecordingError> {
         self.queue = None;
-        let closed = match self.overflow {
-            OverflowPolicy::Wait => self.recorder.wait(),
-            OverflowPolicy::GiveUp | OverflowPolicy::WaitAtMost(_) => self.recorder.wait_within(CLOSE_TIMEOUT),
-        };
-        let closed = closed.unwrap_or_else(|unfinished| {
+        let closed = self.recorder.wait_as(self.overflow, CLOSE_TIMEOUT).unwrap_or_else(|unfinished| {
             let reason = match unfinished {
                 WaitError::Hangs => "the disk hangs",
                 WaitError::Died => "the recorder's thread died",
