@@ -201,8 +201,16 @@ impl Session<'_> {
             after_frame: Some(&mut report_end),
         };
         let missed_before = controls.pacing.start_run();
+        let pace = options.real_time.then_some(PaceClock {
+            clock: *clock,
+            sleep: &std::thread::park_timeout,
+            stats: controls.pacing,
+            interlock: controls.interlock,
+            frame_hz: setup.model.frame_hz,
+            deadlines: job.deadlines,
+        });
         let (stop, give_way) = (controls.stop, controls.give_way);
-        let mut finish = setup.play(library, self.pace(setup), &mut sinks, *clock, stop, give_way);
+        let mut finish = setup.play(library, pace, &mut sinks, *clock, stop, give_way);
         controls.explain(&mut finish, &mut sinks, setup.rig.now());
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
@@ -244,18 +252,6 @@ impl Session<'_> {
         let path = folder.path().join("run.rrd");
         let sink = RerunSink::start(&options.rerun, &path, context, &options.recording_options);
         sink.map_err(|error| RunError::Recording(error.to_string()))
-    }
-
-    /// Pacing by the clock, for a run in real time.
-    fn pace(&self, setup: &RunSetup) -> Option<PaceClock<'_>> {
-        self.options.real_time.then_some(PaceClock {
-            clock: self.clock,
-            sleep: &std::thread::park_timeout,
-            stats: self.controls.pacing,
-            interlock: self.controls.interlock,
-            frame_hz: setup.model.frame_hz,
-            deadlines: self.job.deadlines,
-        })
     }
 }
 

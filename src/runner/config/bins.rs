@@ -23,7 +23,15 @@ impl TaskContext<'_> {
             }
             bins.push(bin);
         }
-        check_disjoint(&bins, &at, faults);
+        for (i, bin) in bins.iter().enumerate() {
+            // a common border is allowed
+            let common_m = |other: &BinParams| bin.max_m.inf(&other.max_m) - bin.min_m.sup(&other.min_m);
+            let overlapped = bins.iter().enumerate().take(i).find(|(_, other)| common_m(other).min() > ROUNDING_M);
+            if let Some((k, other)) = overlapped {
+                let found = format!("{} over {}, {}", text_of_bin(bin), at.index(k), text_of_bin(other));
+                faults.push(at.index(i).key("region_mm"), found, "bins that do not overlap");
+            }
+        }
         for (kind, spec) in self.rig.kinds.iter().enumerate() {
             let parts = self.kinds.iter().filter(|&&other| other == kind).count();
             let has_bin = parts == 0 || bins.iter().any(|bin| bin.kinds.contains(&kind));
@@ -68,18 +76,6 @@ impl TaskContext<'_> {
              {edge:.3} mm to the plate's edge)"
         );
         faults.require(room >= count, at, found, allowed);
-    }
-}
-
-/// Reports every bin that overlaps an earlier one; a common border is allowed.
-fn check_disjoint(bins: &[BinParams], at: &Path, faults: &mut Diagnostics) {
-    for (i, bin) in bins.iter().enumerate() {
-        let common_m = |other: &BinParams| bin.max_m.inf(&other.max_m) - bin.min_m.sup(&other.min_m);
-        let overlapped = bins.iter().enumerate().take(i).find(|(_, other)| common_m(other).min() > ROUNDING_M);
-        if let Some((k, other)) = overlapped {
-            let found = format!("{} over {}, {}", text_of_bin(bin), at.index(k), text_of_bin(other));
-            faults.push(at.index(i).key("region_mm"), found, "bins that do not overlap");
-        }
     }
 }
 

@@ -39,12 +39,7 @@ impl RrdFile {
         &self.1
     }
 
-    /// Disconnects the viewer.
-    pub(super) fn disconnect(&self) {
-        self.0.lock().feed = None;
-    }
-
-    /// Writes the footer and closes the file; a viewer is still fed. `Err` with the first failed write.
+    /// Writes the footer, closes the file and disconnects the viewer. `Err` with the first failed write.
     pub(super) fn close(&self) -> Result<(), String> {
         let mut state = self.0.lock();
         if let Some(mut encoder) = state.encoder.take() {
@@ -53,6 +48,7 @@ impl RrdFile {
                 Err(fault) => self.fail(&mut state, fault.to_string()),
             }
         }
+        state.feed = None;
         state.fault.clone().map_or(Ok(()), Err)
     }
 

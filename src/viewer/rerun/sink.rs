@@ -193,9 +193,7 @@ fn close(file: &RrdFile, recorded: LogResult) -> LogResult {
     if let Err(fault) = &recorded {
         file.handle().fail(fault.as_str());
     }
-    let closed = file.close();
-    file.disconnect();
-    closed.and(recorded)
+    file.close().and(recorded)
 }
 
 /// The fault of data that could not be encoded or written; the file ends before them.
