@@ -184,7 +184,7 @@ impl Session<'_> {
         let mut stats = RunStats::new(Some(setup.truth.clone()));
         let mut recorder = self.start_recording(setup)?;
         let mut truth_log = TruthLog::of(setup, folder)?;
-        let mut named = TruthInJobOrder::new(setup.truth.clone());
+        let mut named = TruthInJobOrder(setup.truth.clone());
         let mut is_lost = false;
         let mut report_end = |sinks: &mut dyn Sink, at| {
             // no motion goes unrecorded

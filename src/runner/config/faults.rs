@@ -156,12 +156,9 @@ fn spec(entry: &FaultEntry, parts: usize, at: &Path, faults: &mut Diagnostics) -
 }
 
 fn text_of_ranges(ranges: &[ValueRange]) -> String {
-    if ranges.is_empty() {
-        return "no value".to_owned();
-    }
-    let each: Vec<String> =
-        ranges.iter().map(|range| format!("{} to {} ({})", range.min, range.max, range.name)).collect();
-    each.join("; ")
+    let text = |range: &ValueRange| format!("{} to {} ({})", range.min, range.max, range.name);
+    let each: Vec<String> = ranges.iter().map(text).collect();
+    if each.is_empty() { "no value".to_owned() } else { each.join("; ") }
 }
 
 #[cfg(test)]

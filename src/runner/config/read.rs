@@ -54,10 +54,15 @@ pub(super) fn point_m(mm: [f64; 2]) -> Vec2 {
     Vec2::from(mm.map(m_from_mm))
 }
 
+/// Those of `keys` that are present in `object`.
+pub(super) fn given<'k>(object: &impl Serialize, keys: &[&'k str]) -> Vec<&'k str> {
+    let object = json!(object);
+    keys.iter().copied().filter(|key| !object[key].is_null()).collect()
+}
+
 /// True if exactly one of `keys` is present in `object`, which is at `at`, else a fault.
 pub(super) fn exactly_one(object: &impl Serialize, keys: &[&str], at: &Path, faults: &mut Diagnostics) -> bool {
-    let object = json!(object);
-    let given: Vec<&str> = keys.iter().copied().filter(|key| !object[key].is_null()).collect();
+    let given = given(object, keys);
     let found = if given.is_empty() { "none".to_owned() } else { given.join(" and ") };
     faults.require(given.len() == 1, at, found, format!("exactly one of {}", keys.join(", ")));
     given.len() == 1

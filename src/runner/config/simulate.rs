@@ -1,11 +1,11 @@
 //! Files of open-loop experiments: given pulses on given parts.
 
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::clearance::check_apart;
 use super::placement::PlacedPart;
-use super::read::{Origin, point_m};
+use super::read::{Origin, given, point_m};
 use super::rig::RigSpec;
 use super::rig_file::RigSource;
 use upm_core::document::{Diagnostic, Diagnostics, Path, parse_and_build, text_of};
@@ -51,7 +51,7 @@ struct PartEntry {
 
 /// A pulse: a rotation (`cor_mm`, `omega_rad_s`) or a translation (`direction_deg`, `speed_mps`), both with the wave
 /// `cos wt - ½ cos 2wt`; or any periodic motion of the plate (`harmonics`).
-#[derive(Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 struct PulseEntry {
     /// Centre of rotation, mm.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
@@ -85,7 +85,7 @@ struct PulseEntry {
 
 /// One harmonic of the plate's velocity: `cos` and `sin` times `cos kwt` and `sin kwt`. Each is the velocity of the
 /// plate's centre along x and y, m/s, and its spin, rad/s, counter-clockwise.
-#[derive(Default, PartialEq, Deserialize, JsonSchema)]
+#[derive(Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 struct HarmonicEntry {
     /// Amplitudes of `cos kwt`: m/s, m/s, rad/s.
@@ -182,14 +182,7 @@ impl PulseEntry {
                 return Some(harmonics.iter().map(|harmonic| harmonic.scaled(sign)).collect());
             }
             _ => {
-                let given = [
-                    ("cor_mm", cor_mm.is_some()),
-                    ("omega_rad_s", omega_rad_s.is_some()),
-                    ("direction_deg", direction_deg.is_some()),
-                    ("speed_mps", speed_mps.is_some()),
-                    ("harmonics", harmonics.is_some()),
-                ];
-                let found: Vec<&str> = given.into_iter().filter_map(|(name, given)| given.then_some(name)).collect();
+                let found = given(self, &["cor_mm", "omega_rad_s", "direction_deg", "speed_mps", "harmonics"]);
                 let found = if found.is_empty() { "none of them".to_owned() } else { found.join(", ") };
                 faults.push(at, found, "cor_mm and omega_rad_s, or direction_deg and speed_mps, or harmonics");
                 return None;

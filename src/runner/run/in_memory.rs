@@ -107,8 +107,7 @@ impl<'a> InMemoryRun<'a> {
     ) -> (Report, R) {
         let Self { job, library, setup, has_own_task } = self;
         let mut setup = setup.with_rig(make);
-        let (mut named, mut stats) =
-            (TruthInJobOrder::new(setup.truth.clone()), RunStats::new(Some(setup.truth.clone())));
+        let (mut named, mut stats) = (TruthInJobOrder(setup.truth.clone()), RunStats::new(Some(setup.truth.clone())));
         let mut sinks = Fanout { sinks: vec![&mut named, &mut stats, watcher], after_frame: None };
         let finish = play(&mut setup, &library, &mut sinks);
         let mut report = stats.report(ending(job, Some(&setup), finish, 0.0));

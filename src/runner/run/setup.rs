@@ -223,14 +223,7 @@ fn sort_params(job: &JobSpec, bins: &[BinParams], discs: Vec<PartOutline>, motio
 }
 
 /// Sink that orders the truth as control named the parts; must be the first sink.
-pub struct TruthInJobOrder(GroundTruthHandle);
-
-impl TruthInJobOrder {
-    /// Sink for this truth.
-    pub fn new(truth: GroundTruthHandle) -> Self {
-        Self(truth)
-    }
-}
+pub struct TruthInJobOrder(pub GroundTruthHandle);
 
 impl Sink for TruthInJobOrder {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {

@@ -49,7 +49,7 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
     let enough = AtomicBool::new(false);
     let mut repetition = Repetition::of(&recorded, &enough);
     let mut journal = Journal::new(&mut repetition, Arc::clone(&library));
-    let mut named = TruthInJobOrder::new(setup.truth.clone());
+    let mut named = TruthInJobOrder(setup.truth.clone());
     let mut end_if_stopped = |_: &mut dyn Sink, _| {
         enough.fetch_or(stop.load(Ordering::Relaxed), Ordering::Relaxed);
     };
