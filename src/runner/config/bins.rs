@@ -50,8 +50,7 @@ impl TaskContext<'_> {
             check_inside(corner_m, 0.0, self.half_m, 0.0, &at.key(name), faults);
         }
         let is_rectangle = (bin.max_m - bin.min_m).min() > 0.0;
-        faults.require(is_rectangle, &at, text_of_bin(&bin), "min below max along x and y");
-        if is_rectangle {
+        if faults.require(is_rectangle, &at, text_of_bin(&bin), "min below max along x and y") {
             self.check_room(&bin, &at, faults);
         }
         bin

@@ -41,8 +41,7 @@ const MOST_PARTS: usize = 64;
 pub(super) fn check_total(groups: &[PartGroup], faults: &mut Diagnostics) -> bool {
     let total: usize = groups.iter().map(|group| group.count).sum();
     let allowed = format!("up to {MOST_PARTS} in all");
-    faults.require(total <= MOST_PARTS, Path::root().key("parts"), counted(total, "part"), allowed);
-    total <= MOST_PARTS
+    faults.require(total <= MOST_PARTS, Path::root().key("parts"), counted(total, "part"), allowed)
 }
 
 /// Reports parts that start off the plate or in one another.

@@ -64,6 +64,5 @@ pub(super) fn given<'k>(object: &impl Serialize, keys: &[&'k str]) -> Vec<&'k st
 pub(super) fn exactly_one(object: &impl Serialize, keys: &[&str], at: &Path, faults: &mut Diagnostics) -> bool {
     let given = given(object, keys);
     let found = if given.is_empty() { "none".to_owned() } else { given.join(" and ") };
-    faults.require(given.len() == 1, at, found, format!("exactly one of {}", keys.join(", ")));
-    given.len() == 1
+    faults.require(given.len() == 1, at, found, format!("exactly one of {}", keys.join(", ")))
 }
