@@ -119,18 +119,21 @@ impl<T: Send + 'static> BackgroundThread<T> {
         Ok(Self(done))
     }
 
-    /// Waits for its result.
+    /// Waits for its result: as long as it takes under [`OverflowPolicy::Wait`], else as [`Self::wait_within`].
     ///
     /// # Errors
     /// [`WaitError::Died`] when the thread panicked, and when its result has already been taken.
-    pub fn wait(&self) -> Result<T, WaitError> {
-        self.0.recv().map_err(|_| WaitError::Died)
+    pub fn wait_as(&self, overflow: OverflowPolicy, longest: Duration) -> Result<T, WaitError> {
+        match overflow {
+            OverflowPolicy::Wait => self.0.recv().map_err(|_| WaitError::Died),
+            OverflowPolicy::GiveUp | OverflowPolicy::WaitAtMost(_) => self.wait_within(longest),
+        }
     }
 
     /// Waits for its result for at most `longest`.
     ///
     /// # Errors
-    /// [`WaitError::Hangs`] when the thread has not ended within that time, [`WaitError::Died`] as [`Self::wait`].
+    /// [`WaitError::Hangs`] when the thread has not ended within that time, [`WaitError::Died`] as [`Self::wait_as`].
     pub fn wait_within(&self, longest: Duration) -> Result<T, WaitError> {
         self.0.recv_timeout(longest).map_err(|fault| match fault {
             RecvTimeoutError::Timeout => WaitError::Hangs,
@@ -197,7 +200,7 @@ mod tests {
         let worker = BackgroundThread::start("slow", false, move || held.recv().is_ok()).unwrap();
         assert_eq!(worker.wait_within(Duration::from_millis(1)), Err(WaitError::Hangs));
         go.send(()).unwrap();
-        assert_eq!(worker.wait(), Ok(true));
+        assert_eq!(worker.wait_as(OverflowPolicy::Wait, LONG), Ok(true));
         let dies = BackgroundThread::<()>::start("dies", true, || panic!("as asked")).unwrap();
         assert_eq!(dies.wait_within(LONG), Err(WaitError::Died));
     }

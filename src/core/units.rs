@@ -27,9 +27,9 @@ fn without_rounding_error(number: f64) -> f64 {
     (number * 1e9).round() / 1e9
 }
 
-/// A whole number as the default of one in a file: `#[serde(default = "whole::<5>")]`.
-pub fn whole<const NUMBER: u32>() -> f64 {
-    f64::from(NUMBER)
+/// A whole number as the default of one in a file: `#[serde(default = "whole::<f64, 5>")]`.
+pub fn whole<T: From<u16>, const NUMBER: u16>() -> T {
+    NUMBER.into()
 }
 
 /// The same in thousandths: `#[serde(default = "thousandths::<20>")]` is 0.02.

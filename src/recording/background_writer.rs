@@ -82,11 +82,7 @@ impl BackgroundWriter {
         if self.lines.take().is_none() {
             return Ok(());
         }
-        let ended = match self.overflow {
-            OverflowPolicy::Wait => self.thread.wait(),
-            _ => self.thread.wait_within(CLOSE_TIMEOUT),
-        };
-        ended.unwrap_or_else(|unfinished| match unfinished {
+        self.thread.wait_as(self.overflow, CLOSE_TIMEOUT).unwrap_or_else(|unfinished| match unfinished {
             WaitError::Hangs => Err(io::Error::new(ErrorKind::TimedOut, "the disk hangs")),
             WaitError::Died => Err(io::Error::other("the writer's thread died")),
         })

@@ -5,30 +5,14 @@ use upm_planning::task::Setpoints;
 /// Several sinks as one: each receives every fact, in order.
 #[derive(Default)]
 pub struct Fanout<'a> {
-    sinks: Vec<&'a mut dyn Sink>,
-    after_frame: Option<&'a mut AfterFrame<'a>>,
+    /// The sinks; each receives every fact after those before it.
+    pub sinks: Vec<&'a mut dyn Sink>,
+    /// Called after each frame, once all sinks have received it: a check for events from outside the run.
+    pub after_frame: Option<&'a mut AfterFrame<'a>>,
 }
 
-/// A check for events from outside the run. Receives the sinks to report to and the frame's time.
+/// Receives the sinks to report to and the frame's time.
 type AfterFrame<'a> = dyn FnMut(&mut dyn Sink, PlateTime) + 'a;
-
-impl<'a> Fanout<'a> {
-    /// A fanout without sinks.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Adds `sink`, which receives every fact after those added before it.
-    pub fn with(mut self, sink: &'a mut dyn Sink) -> Self {
-        self.sinks.push(sink);
-        self
-    }
-
-    /// Calls `hook` after each frame, once all sinks have received it.
-    pub fn after_frame(self, hook: &'a mut AfterFrame<'a>) -> Self {
-        Self { after_frame: Some(hook), ..self }
-    }
-}
 
 impl Sink for Fanout<'_> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {

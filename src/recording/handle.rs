@@ -26,7 +26,6 @@ pub struct RecordingHandle(Arc<RecordingCell>);
 
 #[derive(Debug, Default)]
 struct RecordingCell {
-    begun: AtomicBool,
     bytes: AtomicU64,
     /// The first final state; later ones are ignored.
     end: OnceLock<RecordingState>,
@@ -38,8 +37,10 @@ impl RecordingHandle {
     pub fn state(&self) -> RecordingState {
         match self.0.end.get() {
             Some(end) => end.clone(),
-            None if self.0.begun.load(Ordering::Acquire) => RecordingState::Writing { bytes: self.bytes() },
-            None => RecordingState::Off,
+            None => match self.bytes() {
+                0 => RecordingState::Off,
+                bytes => RecordingState::Writing { bytes },
+            },
         }
     }
 
@@ -54,11 +55,6 @@ impl RecordingHandle {
             Some(RecordingState::Failed(reason)) => Some(format!("the recording ends early: {reason}")),
             _ => None,
         }
-    }
-
-    /// The file has been created.
-    pub fn begin(&self) {
-        self.0.begun.store(true, Ordering::Release);
     }
 
     /// This many more bytes are in the file.
@@ -102,7 +98,6 @@ mod tests {
     fn first_end_counts_and_is_reported_once() {
         let (handle, mut events) = (RecordingHandle::default(), EventCount(0));
         assert_eq!((handle.state(), handle.ended_early()), (RecordingState::Off, None));
-        handle.begin();
         handle.add_bytes(7);
         assert_eq!((handle.clone().state(), handle.ended_early()), (RecordingState::Writing { bytes: 7 }, None));
         report_recording_end(&handle, &mut events, PlateTime::ZERO);

@@ -4,8 +4,9 @@ mod lines;
 use std::io::{self, Write};
 use std::sync::Arc;
 
-use self::lines::{JournalLine, SentLine};
-use upm_control::{ConfirmedFacts, CycleFacts, EventFacts, LocalisedFacts, PulseFacts, Sink};
+use self::fixed::{Fixed, fixed_pair, mm, point_mm, points_mm, seconds};
+use self::lines::{DetailPart, FoundPart, JournalLine, PlanPart, PlannedPart, SentLine, WantedPart, status_of};
+use upm_control::{ConfirmedFacts, CycleFacts, EventFacts, EventKind, FindingChange, LocalisedFacts, PulseFacts, Sink};
 use upm_planning::cor_library::Library;
 
 pub use lines::{RECORDING_FAILED, journal_schema};
@@ -69,11 +70,29 @@ impl<W: Write> Journal<W> {
 
 impl<W: Write> Sink for Journal<W> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
-        self.put(&JournalLine::localised(facts));
+        let parts = facts.detections.iter().map(|part| FoundPart {
+            kind: part.kind,
+            center_px: fixed_pair(part.center_px),
+            radius_px: Fixed(part.radius_px),
+            position_mm: point_mm(part.position_m),
+            score: Fixed(part.score),
+        });
+        self.put(&JournalLine::Localised {
+            at_s: seconds(facts.frame.exposed_at),
+            corners_px: facts.table.corners_px.map(fixed_pair),
+            side_px: Fixed(facts.table.side_px),
+            rotation_deg: Fixed(facts.table.rotation_rad.to_degrees()),
+            parts: parts.collect(),
+        });
     }
 
     fn confirmed(&mut self, facts: &ConfirmedFacts<'_>) {
-        self.put(&JournalLine::confirmed(facts));
+        self.put(&JournalLine::Confirmed {
+            at_s: seconds(facts.at),
+            corner_px: Fixed(facts.corner_px),
+            part_mm: mm(facts.part_m),
+            parts_mm: points_mm(facts.parts_m),
+        });
     }
 
     fn pulse(&mut self, facts: &PulseFacts) {
@@ -88,13 +107,47 @@ impl<W: Write> Sink for Journal<W> {
         if facts.index != self.sent_in_cycle {
             self.put_unfinished();
         }
-        let sent = std::mem::take(&mut self.sent);
-        let library = Arc::clone(&self.library);
-        self.put(&JournalLine::cycle(facts, &sent, &library));
+        let (sent, CycleFacts { wanted, plan, .. }) = (std::mem::take(&mut self.sent), facts);
+        let pulses = plan.pulses.iter().map(|pulse| PlannedPart::new(pulse, &self.library)).collect();
+        self.put(&JournalLine::Cycle {
+            cycle: facts.index,
+            observed_at_s: seconds(facts.observed_at),
+            observed_mm: points_mm(&facts.observed_m),
+            wanted: WantedPart {
+                phase: &wanted.phase,
+                progress: Fixed(wanted.progress),
+                laps: wanted.laps,
+                subgoals_mm: points_mm(&wanted.subgoals_m),
+                targets_mm: points_mm(&wanted.targets_m),
+                cross_track_mm: wanted.cross_track_m.iter().copied().map(mm).collect(),
+            },
+            plan: PlanPart {
+                status: status_of(plan),
+                candidates: plan.candidates.len(),
+                continues: plan.continues,
+                pulses,
+            },
+            sent: &sent,
+            predicted_mm: plan.predicted_m.last().map(|predicted_m| points_mm(predicted_m)),
+            ended_at_s: seconds(facts.ended_at),
+            result_mm: points_mm(&facts.result_m),
+        });
     }
 
     fn event(&mut self, event: &EventFacts) {
-        self.put(&JournalLine::event(event));
+        let detail = match event.kind {
+            EventKind::Note => None,
+            EventKind::Finding { found, change, .. } => {
+                let (change, times) = match change {
+                    FindingChange::Began => ("began", None),
+                    FindingChange::Ended { times, .. } => ("ended", Some(times)),
+                };
+                Some(DetailPart::Finding { code: found.finding.code(), change, times })
+            }
+            EventKind::RunEnded { outcome, cause } => Some(DetailPart::RunEnded { outcome, code: cause }),
+            EventKind::RecordingEnded => Some(DetailPart::RecordingEnded { code: RECORDING_FAILED }),
+        };
+        self.put(&JournalLine::Event { at_s: seconds(event.at), level: event.level, text: &event.text, detail });
     }
 }
 
@@ -103,7 +156,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use upm_control::{EventKind, EventLevel, FindingChange, Found};
+    use upm_control::{EventLevel, Found};
     use upm_core::job::Finding;
     use upm_core::time::PlateTime;
     use upm_fixtures::{rig, synthetic_run};

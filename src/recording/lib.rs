@@ -32,6 +32,6 @@ pub use report::{
     CycleError, FaultEntry, FaultValue, GuardReport, PacingReport, PartReport, PathReport, PlannerReport,
     PredictionError, Report, SelectedBy, StopReport, Verdict, report_schema,
 };
-pub use rerun_mode::{BadRerunMode, RerunMode};
+pub use rerun_mode::RerunMode;
 pub use run_stats::RunStats;
 pub use timings::{Durations, Quantiles, Timings, TimingsReport};

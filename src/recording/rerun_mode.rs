@@ -18,22 +18,17 @@ pub enum RerunMode {
     Spawn,
 }
 
-/// A text that is not a [`RerunMode`].
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected one of off, save, connect, connect=URL, spawn, found {0:?}")]
-pub struct BadRerunMode(String);
-
 impl FromStr for RerunMode {
-    type Err = BadRerunMode;
+    type Err = String;
 
-    fn from_str(text: &str) -> Result<Self, BadRerunMode> {
+    fn from_str(text: &str) -> Result<Self, String> {
         match text.split_once('=') {
             None if text == "off" => Ok(Self::Off),
             None if text == "save" => Ok(Self::Save),
             None if text == "connect" => Ok(Self::Connect { url: None }),
             None if text == "spawn" => Ok(Self::Spawn),
             Some(("connect", url)) if !url.is_empty() => Ok(Self::Connect { url: Some(url.to_owned()) }),
-            _ => Err(BadRerunMode(text.to_owned())),
+            _ => Err(format!("expected one of off, save, connect, connect=URL, spawn, found {text:?}")),
         }
     }
 }

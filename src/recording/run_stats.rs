@@ -39,16 +39,6 @@ impl RunStats {
         Self { truth, ..Self::default() }
     }
 
-    /// Number of pulses played so far.
-    pub fn pulses(&self) -> u64 {
-        self.pulses
-    }
-
-    /// Wall times so far.
-    pub fn timings(&self) -> &Timings {
-        &self.timings
-    }
-
     /// `ending`, which has the facts that a sink cannot know, with all that was counted and measured. It reads the
     /// ground truth now, so call it before the rig goes on.
     pub fn report(&self, ending: Report) -> Report {

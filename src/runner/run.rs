@@ -169,7 +169,7 @@ impl Session<'_> {
 
     /// Writes a report with the reason of a failure, so that every run folder has one if it can be written at all.
     fn leave_reason(&self, setup: Option<&RunSetup>, error: &RunError) {
-        if !self.folder.has_report() {
+        if !self.folder.files().contains(&folder::REPORT_FILE) {
             let failed = FinalState { ending: RunEnd::failed(error.to_string()), ..FinalState::default() };
             self.folder.write_report(&RunStats::default().report(ending(self.job, setup, failed, 0.0))).ok();
         }
@@ -182,9 +182,9 @@ impl Session<'_> {
         let started = clock.elapsed();
         let mut journal = Journal::new(folder.journal(&options.recording_options)?, Arc::clone(library));
         let mut stats = RunStats::new(Some(setup.truth.clone()));
-        let mut recorder = start_recording(options, folder, setup, job, library)?;
+        let mut recorder = self.start_recording(setup)?;
         let mut truth_log = TruthLog::of(setup, folder)?;
-        let mut named = TruthInJobOrder::new(setup.truth.clone());
+        let mut named = TruthInJobOrder(setup.truth.clone());
         let mut is_lost = false;
         let mut report_end = |sinks: &mut dyn Sink, at| {
             // no motion goes unrecorded
@@ -196,18 +196,27 @@ impl Session<'_> {
             }
             report_recording_end(&options.recording_options.recording, sinks, at);
         };
-        let mut sinks = Fanout::new().with(&mut named).with(&mut journal);
-        sinks =
-            sinks.with(&mut stats).with(&mut truth_log).with(&mut recorder).with(watcher).after_frame(&mut report_end);
+        let mut sinks = Fanout {
+            sinks: vec![&mut named, &mut journal, &mut stats, &mut truth_log, &mut recorder, &mut *watcher],
+            after_frame: Some(&mut report_end),
+        };
         let missed_before = controls.pacing.start_run();
+        let pace = options.real_time.then_some(PaceClock {
+            clock: *clock,
+            sleep: &std::thread::park_timeout,
+            stats: controls.pacing,
+            interlock: controls.interlock,
+            frame_hz: setup.model.frame_hz,
+            deadlines: job.deadlines,
+        });
         let (stop, give_way) = (controls.stop, controls.give_way);
-        let mut finish = setup.play(library, self.pace(setup), &mut sinks, *clock, stop, give_way);
-        controls.explain(&mut finish, &mut sinks, setup.now());
+        let mut finish = setup.play(library, pace, &mut sinks, *clock, stop, give_way);
+        controls.explain(&mut finish, &mut sinks, setup.rig.now());
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
         let warning = finish_recording(recorder, options);
-        let mut sinks = Fanout::new().with(&mut journal).with(&mut stats).with(watcher);
-        report_recording_end(&options.recording_options.recording, &mut sinks, setup.now());
+        let mut sinks = Fanout { sinks: vec![&mut journal, &mut stats, watcher], after_frame: None };
+        report_recording_end(&options.recording_options.recording, &mut sinks, setup.rig.now());
         let written = journal.finish().and_then(BackgroundWriter::finish);
         let written = written.map_err(|error| folder.write_error("journal.jsonl", &reason(&error)));
         let written =
@@ -225,16 +234,24 @@ impl Session<'_> {
         Ok((RunResult { folder: folder.path().to_owned(), report }, written.and(reported)))
     }
 
-    /// Pacing by the clock, for a run in real time.
-    fn pace(&self, setup: &RunSetup) -> Option<PaceClock<'_>> {
-        self.options.real_time.then_some(PaceClock {
-            clock: self.clock,
-            sleep: &std::thread::park_timeout,
-            stats: self.controls.pacing,
-            interlock: self.controls.interlock,
-            frame_hz: setup.model.frame_hz,
-            deadlines: self.job.deadlines,
-        })
+    /// Starts the Rerun recording of the run.
+    fn start_recording(&self, setup: &RunSetup) -> Result<RerunSink, RunError> {
+        let Self { job, library, folder, options, .. } = self;
+        let layout = JobLayout::of(job);
+        let context = RunContext {
+            name: job.name.clone(),
+            seed: job.seed(),
+            library: Arc::clone(library),
+            model: setup.model.clone(),
+            method: setup.params.method,
+            parts: layout.parts,
+            bins: layout.bins,
+            paths: layout.paths,
+            truth: Some(setup.truth.clone()),
+        };
+        let path = folder.path().join("run.rrd");
+        let sink = RerunSink::start(&options.rerun, &path, context, &options.recording_options);
+        sink.map_err(|error| RunError::Recording(error.to_string()))
     }
 }
 
@@ -263,31 +280,6 @@ impl RunSetup {
         }
         control::run(RunIo { rig, model, sink, clock, stop, give_way }, library, task.as_mut(), params)
     }
-}
-
-/// Starts the Rerun recording of a run.
-fn start_recording(
-    options: &RunOptions,
-    folder: &RunFolder,
-    setup: &RunSetup,
-    job: &JobSpec,
-    library: &Arc<Library>,
-) -> Result<RerunSink, RunError> {
-    let layout = JobLayout::of(job);
-    let context = RunContext {
-        name: job.name.clone(),
-        seed: job.seed(),
-        library: Arc::clone(library),
-        model: setup.model.clone(),
-        method: setup.params.method,
-        parts: layout.parts,
-        bins: layout.bins,
-        paths: layout.paths,
-        truth: Some(setup.truth.clone()),
-    };
-    let path = folder.path().join("run.rrd");
-    let sink = RerunSink::start(&options.rerun, &path, context, &options.recording_options);
-    sink.map_err(|error| RunError::Recording(error.to_string()))
 }
 
 /// Closes the recording; returns a message if it is incomplete.

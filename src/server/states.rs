@@ -34,10 +34,9 @@ impl JobState {
             (Outcome::Completed, _) => Self::Completed,
             (Outcome::Failed, _) => Self::Failed,
             // the daemon's own stops: the end of this run was not requested
-            (
-                Outcome::Cancelled,
-                None | Some(StopCause::Asked(StopRequest::Stopped) | StopCause::Asked(StopRequest::Shutdown)),
-            ) => Self::Interrupted,
+            (Outcome::Cancelled, None | Some(StopCause::Asked(StopRequest::Stopped | StopRequest::Shutdown))) => {
+                Self::Interrupted
+            }
             (Outcome::Cancelled, Some(stop)) if stop.is_by_watchdog() => Self::Failed,
             (Outcome::Cancelled, Some(_)) => Self::Cancelled,
         }

@@ -101,7 +101,7 @@ pub struct MotorParams {
     #[schemars(inner(range(min = -0.5, max = 0.5)))]
     pub gain_error: [f64; 4],
     /// Samples a second of the waveform generator.
-    #[serde(default = "whole::<10_000>")]
+    #[serde(default = "whole::<f64, 10_000>")]
     #[schemars(range(min = 100.0, max = 1e6))]
     pub sample_hz: f64,
     /// Largest sample, counts.
@@ -109,7 +109,7 @@ pub struct MotorParams {
     #[schemars(with = "u32", range(min = 8, max = 32767))]
     pub count_limit: f64,
     /// Corner of the low-pass behind the PWM, Hz.
-    #[serde(default = "whole::<1000>")]
+    #[serde(default = "whole::<f64, 1000>")]
     #[schemars(range(min = 10.0, max = 1e6))]
     pub low_pass_hz: f64,
     /// Force at which a coil's amplifier saturates, N.

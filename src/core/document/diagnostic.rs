@@ -200,17 +200,18 @@ impl Diagnostics {
         self.append(others.into_iter().map(|fault| fault.named_by(named_by)).collect());
     }
 
-    /// Adds a fault at `path` unless `holds`.
+    /// Adds a fault at `path` unless `holds`, which it returns.
     pub fn require(
         &mut self,
         holds: bool,
         path: impl fmt::Display,
         found: impl fmt::Display,
         expected: impl Into<String>,
-    ) {
+    ) -> bool {
         if !holds {
             self.push(path, found, expected);
         }
+        holds
     }
 
     /// Number of faults.

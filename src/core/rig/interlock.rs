@@ -1,4 +1,3 @@
-use std::fmt;
 use std::ops::Deref;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -11,32 +10,25 @@ use crate::job::{Finding, StopCause, StopRequest};
 use crate::time::{Clock, PlateTime};
 
 /// Cause of an interlock's trip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, thiserror::Error)]
 pub enum Trip {
     /// An operator pressed the emergency stop.
+    #[error("emergency stop")]
     EStop,
     /// The rig was not driven for [`Interlock::LEASE_S`] of plate time while its motors were playing.
+    #[error("the drive lease expired: the control loop did not drive the motors for 0.1 s")]
     Lease,
     /// The plate's watchdog detected a fault.
+    #[error("the watchdog stopped it")]
     Watchdog,
     /// The program is ending.
+    #[error("the program ends")]
     Shutdown,
 }
 
 impl Trip {
     /// All causes, in the order of the variants.
     pub const ALL: [Self; 4] = [Self::EStop, Self::Lease, Self::Watchdog, Self::Shutdown];
-}
-
-impl fmt::Display for Trip {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::EStop => "emergency stop",
-            Self::Lease => "the drive lease expired: the control loop did not drive the motors for 0.1 s",
-            Self::Watchdog => "the watchdog stopped it",
-            Self::Shutdown => "the program ends",
-        })
-    }
 }
 
 impl From<Trip> for StopCause {

@@ -5,10 +5,10 @@ use schemars::generate::SchemaSettings;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, points_mm, seconds};
+use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, seconds};
 use crate::motion::MotionRecord;
 use crate::wave::off_part;
-use upm_control::{ConfirmedFacts, CycleFacts, EventFacts, EventKind, FindingChange, LocalisedFacts, PulseFacts};
+use upm_control::PulseFacts;
 use upm_core::job::{EventLevel, Outcome, StopCause};
 use upm_core::signal::{Harmonic, MOTORS, TwistWave};
 use upm_perception::estimation::PlateFit;
@@ -69,113 +69,40 @@ pub fn journal_schema() -> Value {
     generator.into_root_schema_for::<JournalLine<'static>>().to_value()
 }
 
-impl<'a> JournalLine<'a> {
-    pub(super) fn localised(facts: &LocalisedFacts<'_>) -> Self {
-        let parts = facts.detections.iter().map(|part| FoundPart {
-            kind: part.kind,
-            center_px: fixed_pair(part.center_px),
-            radius_px: Fixed(part.radius_px),
-            position_mm: point_mm(part.position_m),
-            score: Fixed(part.score),
-        });
-        Self::Localised {
-            at_s: seconds(facts.frame.exposed_at),
-            corners_px: facts.table.corners_px.map(fixed_pair),
-            side_px: Fixed(facts.table.side_px),
-            rotation_deg: Fixed(facts.table.rotation_rad.to_degrees()),
-            parts: parts.collect(),
-        }
-    }
-
-    pub(super) fn confirmed(facts: &ConfirmedFacts<'_>) -> Self {
-        Self::Confirmed {
-            at_s: seconds(facts.at),
-            corner_px: Fixed(facts.corner_px),
-            part_mm: mm(facts.part_m),
-            parts_mm: points_mm(facts.parts_m),
-        }
-    }
-
-    pub(super) fn cycle(facts: &'a CycleFacts, sent: &'a [SentLine], library: &Library) -> Self {
-        let CycleFacts { wanted, plan, .. } = facts;
-        Self::Cycle {
-            cycle: facts.index,
-            observed_at_s: seconds(facts.observed_at),
-            observed_mm: points_mm(&facts.observed_m),
-            wanted: WantedPart {
-                phase: &wanted.phase,
-                progress: Fixed(wanted.progress),
-                laps: wanted.laps,
-                subgoals_mm: points_mm(&wanted.subgoals_m),
-                targets_mm: points_mm(&wanted.targets_m),
-                cross_track_mm: wanted.cross_track_m.iter().copied().map(mm).collect(),
-            },
-            plan: PlanPart {
-                status: status_of(plan),
-                candidates: plan.candidates.len(),
-                continues: plan.continues,
-                pulses: plan.pulses.iter().map(|pulse| PlannedPart::new(pulse, library)).collect(),
-            },
-            sent,
-            predicted_mm: plan.predicted_m.last().map(|predicted_m| points_mm(predicted_m)),
-            ended_at_s: seconds(facts.ended_at),
-            result_mm: points_mm(&facts.result_m),
-        }
-    }
-
-    pub(super) fn event(event: &'a EventFacts) -> Self {
-        let detail = match event.kind {
-            EventKind::Note => None,
-            EventKind::Finding { found, change, .. } => {
-                let code = found.finding.code();
-                Some(match change {
-                    FindingChange::Began => DetailPart::Finding { code, change: "began", times: None },
-                    FindingChange::Ended { times, .. } => {
-                        DetailPart::Finding { code, change: "ended", times: Some(times) }
-                    }
-                })
-            }
-            EventKind::RunEnded { outcome, cause } => Some(DetailPart::RunEnded { outcome, code: cause }),
-            EventKind::RecordingEnded => Some(DetailPart::RecordingEnded { code: RECORDING_FAILED }),
-        };
-        Self::Event { at_s: seconds(event.at), level: event.level, text: &event.text, detail }
-    }
-}
-
 #[derive(Serialize, JsonSchema)]
 pub(super) struct FoundPart {
-    kind: usize,
-    center_px: [Fixed<3>; 2],
-    radius_px: Fixed<3>,
-    position_mm: PointMm,
-    score: Fixed<4>,
+    pub kind: usize,
+    pub center_px: [Fixed<3>; 2],
+    pub radius_px: Fixed<3>,
+    pub position_mm: PointMm,
+    pub score: Fixed<4>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub(super) struct WantedPart<'a> {
-    phase: &'a str,
+    pub phase: &'a str,
     /// From 0 to 1.
-    progress: Fixed<6>,
-    laps: u32,
-    subgoals_mm: Vec<PointMm>,
-    targets_mm: Vec<PointMm>,
-    cross_track_mm: Vec<Mm>,
+    pub progress: Fixed<6>,
+    pub laps: u32,
+    pub subgoals_mm: Vec<PointMm>,
+    pub targets_mm: Vec<PointMm>,
+    pub cross_track_mm: Vec<Mm>,
 }
 
 #[derive(Serialize, JsonSchema)]
 pub(super) struct PlanPart<'a> {
     #[serde(flatten)]
-    status: StatusPart<'a>,
-    candidates: usize,
+    pub status: StatusPart<'a>,
+    pub candidates: usize,
     /// True for the rest of a sequence that an earlier cycle began.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
-    continues: bool,
-    pulses: Vec<PlannedPart>,
+    pub continues: bool,
+    pub pulses: Vec<PlannedPart>,
 }
 
 #[derive(Serialize, JsonSchema)]
 #[serde(tag = "status", rename_all = "snake_case")]
-enum StatusPart<'a> {
+pub(super) enum StatusPart<'a> {
     Solved,
     NothingToDo,
     Infeasible { limit: &'static str, limited_parts: Vec<usize> },
@@ -184,7 +111,7 @@ enum StatusPart<'a> {
 
 #[derive(Serialize, JsonSchema)]
 #[serde(untagged)]
-enum PlannedPart {
+pub(super) enum PlannedPart {
     Rotation {
         entry: usize,
         #[serde(flatten)]
@@ -201,7 +128,7 @@ enum PlannedPart {
 }
 
 impl PlannedPart {
-    fn new(pulse: &PlannedPulse, library: &Library) -> Self {
+    pub fn new(pulse: &PlannedPulse, library: &Library) -> Self {
         match pulse {
             PlannedPulse::Rotation(rotation) => {
                 let entry = library.entries.get(rotation.entry);
@@ -224,7 +151,7 @@ impl PlannedPart {
 
 /// One harmonic of the plate's velocity: that of its centre and its spin.
 #[derive(Debug, Serialize, JsonSchema)]
-struct HarmonicPart {
+pub(super) struct HarmonicPart {
     cos_mm_s: [Fixed<3>; 2],
     sin_mm_s: [Fixed<3>; 2],
     cos_rad_s: Fixed<5>,
@@ -247,7 +174,7 @@ fn hz(radps: f64) -> Fixed<4> {
 
 #[derive(Debug, Serialize, JsonSchema)]
 #[serde(untagged)]
-enum MotionPart {
+pub(super) enum MotionPart {
     About { cor_mm: PointMm, rotation: i8 },
     Along { direction: [Fixed<4>; 2] },
 }
@@ -263,7 +190,7 @@ impl MotionPart {
     }
 }
 
-fn status_of(plan: &Plan) -> StatusPart<'_> {
+pub(super) fn status_of(plan: &Plan) -> StatusPart<'_> {
     match &plan.status {
         PlanStatus::Solved => StatusPart::Solved,
         PlanStatus::NothingToDo => StatusPart::NothingToDo,

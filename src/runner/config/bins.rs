@@ -23,7 +23,15 @@ impl TaskContext<'_> {
             }
             bins.push(bin);
         }
-        check_disjoint(&bins, &at, faults);
+        for (i, bin) in bins.iter().enumerate() {
+            // a common border is allowed
+            let common_m = |other: &BinParams| bin.max_m.inf(&other.max_m) - bin.min_m.sup(&other.min_m);
+            let overlapped = bins.iter().enumerate().take(i).find(|(_, other)| common_m(other).min() > ROUNDING_M);
+            if let Some((k, other)) = overlapped {
+                let found = format!("{} over {}, {}", text_of_bin(bin), at.index(k), text_of_bin(other));
+                faults.push(at.index(i).key("region_mm"), found, "bins that do not overlap");
+            }
+        }
         for (kind, spec) in self.rig.kinds.iter().enumerate() {
             let parts = self.kinds.iter().filter(|&&other| other == kind).count();
             let has_bin = parts == 0 || bins.iter().any(|bin| bin.kinds.contains(&kind));
@@ -42,8 +50,7 @@ impl TaskContext<'_> {
             check_inside(corner_m, 0.0, self.half_m, 0.0, &at.key(name), faults);
         }
         let is_rectangle = (bin.max_m - bin.min_m).min() > 0.0;
-        faults.require(is_rectangle, &at, text_of_bin(&bin), "min below max along x and y");
-        if is_rectangle {
+        if faults.require(is_rectangle, &at, text_of_bin(&bin), "min below max along x and y") {
             self.check_room(&bin, &at, faults);
         }
         bin
@@ -60,33 +67,14 @@ impl TaskContext<'_> {
         let inset_m = Vec2::repeat(0.5 * REST_GAP_M);
         let free_m = (bin.max_m - inset_m).inf(&most_m) - (bin.min_m + inset_m).sup(&-most_m);
         let room = in_rows(free_m, radius_m, REST_GAP_M);
-        let [width, height, diameter, gap, border, edge] = [
-            bin.max_m.x - bin.min_m.x,
-            bin.max_m.y - bin.min_m.y,
-            2.0 * radius_m,
-            REST_GAP_M,
-            0.5 * REST_GAP_M,
-            REST_MARGIN_M,
-        ]
-        .map(mm_from_m);
-        let found = format!("{width:.3} x {height:.3} mm with room for {room} of {diameter:.3} mm");
+        let (size_mm, diameter_mm) = ((bin.max_m - bin.min_m).map(mm_from_m), mm_from_m(2.0 * radius_m));
+        let [gap, border, edge] = [REST_GAP_M, 0.5 * REST_GAP_M, REST_MARGIN_M].map(mm_from_m);
+        let found = format!("{:.3} x {:.3} mm with room for {room} of {diameter_mm:.3} mm", size_mm.x, size_mm.y);
         let allowed = format!(
             "room for {count}, the parts of its kinds (with {gap:.3} mm between rims, {border:.3} mm to the border and \
              {edge:.3} mm to the plate's edge)"
         );
         faults.require(room >= count, at, found, allowed);
-    }
-}
-
-/// Reports every bin that overlaps an earlier one; a common border is allowed.
-fn check_disjoint(bins: &[BinParams], at: &Path, faults: &mut Diagnostics) {
-    for (i, bin) in bins.iter().enumerate() {
-        let common_m = |other: &BinParams| bin.max_m.inf(&other.max_m) - bin.min_m.sup(&other.min_m);
-        let overlapped = bins.iter().enumerate().take(i).find(|(_, other)| common_m(other).min() > ROUNDING_M);
-        if let Some((k, other)) = overlapped {
-            let found = format!("{} over {}, {}", text_of_bin(bin), at.index(k), text_of_bin(other));
-            faults.push(at.index(i).key("region_mm"), found, "bins that do not overlap");
-        }
     }
 }
 

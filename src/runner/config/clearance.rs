@@ -41,23 +41,20 @@ const MOST_PARTS: usize = 64;
 pub(super) fn check_total(groups: &[PartGroup], faults: &mut Diagnostics) -> bool {
     let total: usize = groups.iter().map(|group| group.count).sum();
     let allowed = format!("up to {MOST_PARTS} in all");
-    faults.require(total <= MOST_PARTS, Path::root().key("parts"), counted(total, "part"), allowed);
-    total <= MOST_PARTS
+    faults.require(total <= MOST_PARTS, Path::root().key("parts"), counted(total, "part"), allowed)
 }
 
 /// Reports parts that start off the plate or in one another.
 pub(super) fn check(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diagnostics) {
     let (half_m, at) = (0.5 * rig.model.plate_side_m, Path::root().key("parts"));
     let radius = |group: &PartGroup| rig.kinds.get(group.kind).map_or(0.0, |spec| spec.kind.radius_m);
-    for (i, group) in groups.iter().enumerate() {
-        if let Some(position_m) = group.position_m {
-            check_inside(position_m, radius(group), half_m, 0.0, &at.index(i).key("position_mm"), faults);
-        }
-    }
     let given: Vec<(Vec2, f64, Path)> = (0..)
         .zip(groups)
         .filter_map(|(i, group)| Some((group.position_m?, radius(group), at.index(i).key("position_mm"))))
         .collect();
+    for (position_m, radius_m, at) in &given {
+        check_inside(*position_m, *radius_m, half_m, 0.0, at, faults);
+    }
     check_apart(&given, 0.0, faults);
 }
 

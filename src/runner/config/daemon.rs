@@ -94,7 +94,11 @@ impl DaemonSpec {
         let token_file = file.token_file.as_ref().and_then(|named| file_of("token_file", named));
         let read_token_file = file.read_token_file.as_ref().and_then(|named| file_of("read_token_file", named));
         let rerun = file.rerun.as_ref().and_then(|text| rerun_of(text, faults));
-        check_ports(&file, faults);
+        // 0 is a free port of the system's choice
+        let listened = listen.map(|address| address.port()).filter(|port| *port != 0);
+        if let Some(found) = stop_listen.map(|address| address.port()).filter(|port| listened == Some(*port)) {
+            faults.push(root.key("stop_listen"), found, "a port that nothing else here has");
+        }
         Some(Self {
             file: origin.file.clone(),
             listen: listen?,
@@ -145,13 +149,15 @@ fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) 
         faults.require(!twice, at.key("name"), &name, "a name that no plate before has");
         let library = plate.library.as_ref().map(|named| origin.named_file(named, &at.key("library"), faults));
         let rig = RigSpec::from_source(plate.rig.clone(), origin, &at.key("rig"), faults)?;
-        let library = match library {
-            Some(library) => library?,
-            None => library_of_rig(&rig, &at, faults)?,
-        };
-        let library_key = match &plate.library {
-            Some(_) => format!("{}: {}", origin.file, at.key("library")),
-            None => rig.library_key.clone(),
+        let (library, library_key) = match library {
+            Some(library) => (library?, format!("{}: {}", origin.file, at.key("library"))),
+            None => {
+                if rig.library.is_none() {
+                    let allowed = format!("a path (rig {} names no library)", rig.model.name);
+                    faults.push_missing(at.key("library"), allowed);
+                }
+                (rig.library.clone()?, rig.library_key.clone())
+            }
         };
         let standing = match &plate.standing_job {
             Some(job) => Some(standing_of(job, plate, &rig, origin, &at.key("standing_job"), faults)?),
@@ -163,7 +169,8 @@ fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) 
     plates.into_iter().collect()
 }
 
-/// The standing job of `plate`, read from the file that the daemon file names; faults carry that file's name.
+/// The standing job of `plate`, read from the file that the daemon file names; faults carry that file's name. It uses
+/// the plate's rig and names neither a library nor another plate.
 fn standing_of(
     entry: &StandingEntry,
     plate: &PlateEntry,
@@ -177,43 +184,26 @@ fn standing_of(
     let named_by = format!("{}: {}", origin.file, at.key("job"));
     let job = job.map_err(|others| faults.append_named(others, &named_by)).ok()?;
     let mut of_job = Diagnostics::of(&job.file);
-    check_standing(&job, plate, rig, &mut of_job);
+    let (root, name) = (Path::root(), &plate.name);
+    let allowed = format!("the rig of plate {name}, or nothing");
+    of_job.require(rig.is_as_in(&job.rig.document), root.key("rig"), "another rig", allowed);
+    let asked = job.plate.as_deref().unwrap_or(name);
+    let allowed = format!("{name} or nothing (it is the standing job of that plate)");
+    of_job.require(asked == name, root.key("plate"), quoted(asked), allowed);
+    let allowed = format!("nothing (plate {name} has its library)");
+    of_job.require(!job.names_library(), root.key("library"), "a library", allowed);
     faults.append_named(of_job.into_list(), &named_by);
     Some(StandingSpec { job, starts_paused: entry.start == StandingStart::Paused })
 }
 
-/// Checks that the standing job uses the plate's rig and names neither a library nor another plate.
-fn check_standing(job: &JobSpec, plate: &PlateEntry, rig: &RigSpec, faults: &mut Diagnostics) {
-    let (root, name) = (Path::root(), &plate.name);
-    let allowed = format!("the rig of plate {name}, or nothing");
-    faults.require(rig.is_as_in(&job.rig.document), root.key("rig"), "another rig", allowed);
-    let asked = job.plate.as_deref().unwrap_or(name);
-    let allowed = format!("{name} or nothing (it is the standing job of that plate)");
-    faults.require(asked == name, root.key("plate"), quoted(asked), allowed);
-    let allowed = format!("nothing (plate {name} has its library)");
-    faults.require(!job.names_library(), root.key("library"), "a library", allowed);
-}
-
-/// The library that the rig names. A plate needs one.
-fn library_of_rig(rig: &RigSpec, at: &Path, faults: &mut Diagnostics) -> Option<PathBuf> {
-    if rig.library.is_none() {
-        let allowed = format!("a path (rig {} names no library)", rig.model.name);
-        faults.push_missing(at.key("library"), allowed);
-    }
-    rig.library.clone()
-}
-
 fn default_plate_of(file: &DaemonFile, faults: &mut Diagnostics) -> Option<String> {
     let names: Vec<&str> = file.plates.iter().map(|plate| plate.name.as_str()).collect();
-    match (&file.default_plate, names.as_slice()) {
-        (Some(named), _) => {
-            let is_plate = names.contains(&named.as_str());
-            faults.require(is_plate, Path::root().key("default_plate"), quoted(named), one_of(named, &names));
-            Some(named.clone())
-        }
-        (None, [only]) => Some((*only).to_owned()),
-        (None, _) => None,
+    if let Some(named) = &file.default_plate {
+        let is_plate = names.contains(&named.as_str());
+        faults.require(is_plate, Path::root().key("default_plate"), quoted(named), one_of(named, &names));
     }
+    let only = if let [only] = names[..] { Some(only.to_owned()) } else { None };
+    file.default_plate.clone().or(only)
 }
 
 /// Names as in a Host header, without the port.
@@ -223,12 +213,11 @@ fn hosts_of(names: &[String], faults: &mut Diagnostics) -> Vec<String> {
         let allowed = "a host name or IP address without a port like lab.example.org";
         faults.require(is_host(host), &at, quoted(host), allowed);
     }
-    names.iter().map(|host| canonical(host)).collect()
-}
-
-/// Canonical form of `host`, if it is an address, which can be written in many forms.
-fn canonical(host: &str) -> String {
-    address_of(host).map_or_else(|| host.to_ascii_lowercase(), |address| address.to_canonical().to_string())
+    // an address can be written in many forms
+    let canonical = |host: &String| {
+        address_of(host).map_or_else(|| host.to_ascii_lowercase(), |address| address.to_canonical().to_string())
+    };
+    names.iter().map(canonical).collect()
 }
 
 /// The IP address in `host`, with or without brackets.
@@ -243,16 +232,6 @@ fn is_host(host: &str) -> bool {
         (1..=63).contains(&label.len()) && plain && !label.starts_with('-') && !label.ends_with('-')
     };
     address_of(host).is_some() || (host.len() <= 253 && host.split('.').all(label))
-}
-
-/// Checks that each port is used only once.
-fn check_ports(file: &DaemonFile, faults: &mut Diagnostics) {
-    let port_of = |address: &str| address.parse().ok().map(|address: SocketAddr| address.port());
-    let (listen, stop) = (port_of(&file.listen), file.stop_listen.as_deref().and_then(port_of));
-    // 0 is a free port of the system's choice
-    if let Some(found) = stop.filter(|port| *port != 0 && stop == listen) {
-        faults.push(Path::root().key("stop_listen"), found, "a port that nothing else here has");
-    }
 }
 
 /// The destination of recordings in `text`: a daemon starts no viewer.

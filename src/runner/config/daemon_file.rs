@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use upm_core::job::Pace;
 
 use super::rig_file::RigSource;
-use upm_core::units::file_form;
+use upm_core::units::{file_form, whole};
 
 file_form!(gigabytes: f64 => u64, |gb| (gb * 1e9).round() as u64, |bytes| *bytes as f64 / 1e9);
 file_form!(megabytes: f64 => u64, |mb| (mb * 1e6).round() as u64, |bytes| *bytes as f64 / 1e6);
@@ -37,7 +37,7 @@ pub(crate) struct DaemonFile {
     #[schemars(length(min = 1, max = 64))]
     pub(crate) default_plate: Option<String>,
     /// Jobs that may wait for one plate.
-    #[serde(default = "queue")]
+    #[serde(default = "whole::<u32, 64>")]
     #[schemars(range(min = 1, max = 10_000))]
     pub(crate) queue: u32,
     /// How fast jobs run that do not say.
@@ -78,10 +78,6 @@ fn listen() -> String {
 
 fn data() -> String {
     "data".to_owned()
-}
-
-fn queue() -> u32 {
-    64
 }
 
 /// A plate that is served.

@@ -43,7 +43,7 @@ pub(super) fn write_out(task: &mut TaskSection, origin: &Origin, faults: &mut Di
 }
 
 fn write_out_one(svg: &mut SvgShape, at: &Path, origin: &Origin, faults: &mut Diagnostics) {
-    if !exactly_one(&[("file", svg.file.is_some()), ("d", svg.d.is_some())], at, faults) {
+    if !exactly_one(svg, &["file", "d"], at, faults) {
         svg.d = None;
         return;
     }

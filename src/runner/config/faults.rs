@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use upm_core::document::{Diagnostics, Path, one_of, quoted};
+use upm_core::document::{Diagnostics, Path, counted, one_of, quoted};
 use upm_core::time::PlateTime;
 use upm_recording::{FaultEntry, FaultValue};
 use upm_sim::faults::{FaultKind, FaultSpec, FaultyComponent, ValueRange, drawn_faults};
@@ -50,24 +50,23 @@ pub(crate) fn fault_entry(spec: &FaultSpec) -> FaultEntry {
 
 /// Reads `COMPONENT:KIND[=VALUE[;VALUE]][@FROM_S[-TO_S]]`; `None` where `text` has another form.
 fn parsed(text: &str) -> Option<FaultEntry> {
-    let (what, when) = text.split_once('@').map_or((text, None), |(what, when)| (what, Some(when)));
-    let (what, value) = what.split_once('=').map_or((what, None), |(what, value)| (what, Some(value)));
+    let (what, when) = cut(text, '@');
+    let (what, value) = cut(what, '=');
     let (component, kind) = what.split_once(':')?;
-    let numbers = |list: &str| list.split(';').map(|n| n.trim().parse().ok()).collect::<Option<Vec<f64>>>();
-    let (from_s, to_s) = match when {
-        Some(when) => match when.split_once('-') {
-            Some((from_s, to_s)) => (from_s.parse().ok()?, Some(to_s.parse().ok()?)),
-            None => (when.parse().ok()?, None),
-        },
-        None => (0.0, None),
-    };
+    let numbers = |list: &str| list.split(';').map(|n| n.trim().parse()).collect::<Result<Vec<f64>, _>>();
+    let (from_s, to_s) = cut(when.unwrap_or("0"), '-');
     Some(FaultEntry {
         component: component.trim().to_owned(),
         kind: kind.trim().to_owned(),
-        value: value.map(numbers).map_or(Some(None), |list| list.map(|list| Some(FaultValue::Several(list))))?,
-        from_s,
-        to_s,
+        value: value.map(numbers).transpose().ok()?.map(FaultValue::Several),
+        from_s: from_s.parse().ok()?,
+        to_s: to_s.map(str::parse).transpose().ok()?,
     })
+}
+
+/// `text` before the first `at`, and what follows it.
+fn cut(text: &str, at: char) -> (&str, Option<&str>) {
+    text.split_once(at).map_or((text, None), |(before, after)| (before, Some(after)))
 }
 
 /// Simulated faults of a job with `parts` parts, and the equivalent list for the file.
@@ -122,7 +121,29 @@ fn spec(entry: &FaultEntry, parts: usize, at: &Path, faults: &mut Diagnostics) -
         faults.push(at.key("kind"), quoted(&entry.kind), one_of(&entry.kind, &kinds));
         return None;
     };
-    let values = values(entry, component, kind, parts, &at.key("value"), faults)?;
+    let (given, wanted) = (entry.value.as_ref().map_or(&[][..], FaultValue::numbers), kind.values());
+    let at_value = at.key("value");
+    if given.len() != wanted.len() {
+        let found = format!("{} for {}", counted(given.len(), "value"), kind.code());
+        faults.push(at_value, found, text_of_ranges(wanted));
+        return None;
+    }
+    let mut values = [0.0; 3];
+    for (i, (value, range)) in given.iter().zip(wanted).enumerate() {
+        let top = match (kind, component) {
+            (FaultKind::Swapped, FaultyComponent::Coils) => 3.0,
+            (FaultKind::Swapped, _) => parts.saturating_sub(1) as f64,
+            _ => range.max,
+        };
+        let fits = (range.min..=top).contains(value) && (!range.whole || value.fract() == 0.0);
+        let allowed = format!("{}{} to {top} ({})", if range.whole { "whole, " } else { "" }, range.min, range.name);
+        faults.require(fits, at_value.index(i), value, allowed);
+        values[i] = *value;
+    }
+    if kind == FaultKind::Swapped {
+        let found = format!("{} and {}", values[0], values[1]);
+        faults.require(values[0] != values[1], &at_value, found, "two different ones");
+    }
     let in_time = |s: f64| (0.0..=LATEST_S).contains(&s);
     faults.require(in_time(entry.from_s), at.key("from_s"), entry.from_s, format!("0 to {LATEST_S}"));
     if let Some(to_s) = entry.to_s {
@@ -134,48 +155,10 @@ fn spec(entry: &FaultEntry, parts: usize, at: &Path, faults: &mut Diagnostics) -
     Some(FaultSpec { component, kind, values, from, to })
 }
 
-fn values(
-    entry: &FaultEntry,
-    component: FaultyComponent,
-    kind: FaultKind,
-    parts: usize,
-    at: &Path,
-    faults: &mut Diagnostics,
-) -> Option<[f64; 3]> {
-    let given = entry.value.as_ref().map_or(&[][..], FaultValue::numbers);
-    let wanted = kind.values();
-    let mut values = [0.0; 3];
-    if given.len() != wanted.len() {
-        let found = format!("{} for {}", upm_core::document::counted(given.len(), "value"), kind.code());
-        faults.push(at, found, text_of_ranges(wanted));
-        return None;
-    }
-    for (i, (value, range)) in given.iter().zip(wanted).enumerate() {
-        let top = if kind != FaultKind::Swapped {
-            range.max
-        } else if component == FaultyComponent::Coils {
-            3.0
-        } else {
-            parts.saturating_sub(1) as f64
-        };
-        let fits = (range.min..=top).contains(value) && (!range.whole || value.fract() == 0.0);
-        let allowed = format!("{}{} to {top} ({})", if range.whole { "whole, " } else { "" }, range.min, range.name);
-        faults.require(fits, at.index(i), value, allowed);
-        values[i] = *value;
-    }
-    if kind == FaultKind::Swapped {
-        faults.require(values[0] != values[1], at, format!("{} and {}", values[0], values[1]), "two different ones");
-    }
-    Some(values)
-}
-
 fn text_of_ranges(ranges: &[ValueRange]) -> String {
-    if ranges.is_empty() {
-        return "no value".to_owned();
-    }
-    let each: Vec<String> =
-        ranges.iter().map(|range| format!("{} to {} ({})", range.min, range.max, range.name)).collect();
-    each.join("; ")
+    let text = |range: &ValueRange| format!("{} to {} ({})", range.min, range.max, range.name);
+    let each: Vec<String> = ranges.iter().map(text).collect();
+    if each.is_empty() { "no value".to_owned() } else { each.join("; ") }
 }
 
 #[cfg(test)]

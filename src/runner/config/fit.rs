@@ -58,17 +58,17 @@ fn rounded_down(mm: f64) -> f64 {
     (10.0 * mm + 1e-6).floor() / 10.0
 }
 
-/// A pair of parts and the distance between them.
+/// A pair of parts, the distance between them and the least that they need.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Pair {
-    parts: [usize; 2],
-    distance_m: f64,
-    least_m: f64,
+pub(super) struct Pair {
+    pub parts: [usize; 2],
+    pub distance_m: f64,
+    pub least_m: f64,
 }
 
 impl Pair {
-    /// Factor by which the shape must at least grow.
-    fn scale(&self) -> f64 {
+    /// Factor by which the shape, or both paths, must at least grow.
+    pub fn scale(&self) -> f64 {
         (self.least_m - ROUNDING_M) / self.distance_m
     }
 }

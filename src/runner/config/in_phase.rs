@@ -1,7 +1,7 @@
 //! Checks whether parts can follow their paths in phase.
 
 use super::clearance::{REST_GAP_M, ROUNDING_M, apart_allowed};
-use super::fit::TIGHTER;
+use super::fit::{Pair, TIGHTER};
 use super::part_path::PartPath;
 use upm_core::document::Diagnostics;
 use upm_core::geometry::{Segment, Vec2};
@@ -42,14 +42,14 @@ fn check_on_the_way(paths: &[PartPath], laps: &[LoopLap], radii_m: &[f64], ids: 
     let meetings = meetings(laps, radii_m);
     let of = |part: usize| paths.get(part).map(|path| &path.at);
     let (own, others): (Vec<&LoopMeeting>, Vec<&LoopMeeting>) =
-        meetings.iter().partition(|meeting| of(meeting.parts[0]) == of(meeting.parts[1]));
-    for on_one in own.chunk_by(|a, b| of(a.parts[1]) == of(b.parts[1])) {
-        let tightest = on_one.iter().reduce(|a, b| if b.scale() > a.scale() * TIGHTER { b } else { a });
+        meetings.iter().partition(|meeting| of(meeting.pair.parts[0]) == of(meeting.pair.parts[1]));
+    for on_one in own.chunk_by(|a, b| of(a.pair.parts[1]) == of(b.pair.parts[1])) {
+        let tightest = on_one.iter().reduce(|a, b| if b.pair.scale() > a.pair.scale() * TIGHTER { b } else { a });
         if let Some(meeting) = tightest {
             meeting.report(paths, ids, faults);
         }
     }
-    for of_part in others.chunk_by(|a, b| a.parts[1] == b.parts[1]) {
+    for of_part in others.chunk_by(|a, b| a.pair.parts[1] == b.pair.parts[1]) {
         if let Some(meeting) = of_part.first() {
             meeting.report(paths, ids, faults);
         }
@@ -65,7 +65,7 @@ fn meetings(laps: &[LoopLap], radii_m: &[f64]) -> Vec<LoopMeeting> {
             let least_m = *radius_m + *other_radius_m + REST_GAP_M;
             let (distance_m, share) = lap.nearest_to(other);
             if distance_m < least_m - ROUNDING_M {
-                meetings.push(LoopMeeting { parts: [k, i], least_m, distance_m, share });
+                meetings.push(LoopMeeting { pair: Pair { parts: [k, i], distance_m, least_m }, share });
             }
         }
     }
@@ -74,31 +74,25 @@ fn meetings(laps: &[LoopLap], radii_m: &[f64]) -> Vec<LoopMeeting> {
 
 /// Closest approach of two parts in phase.
 struct LoopMeeting {
-    parts: [usize; 2],
-    least_m: f64,
-    distance_m: f64,
+    pair: Pair,
     /// Share of the lap at the closest approach.
     share: f64,
 }
 
 impl LoopMeeting {
-    /// Factor by which both paths must at least grow.
-    fn scale(&self) -> f64 {
-        (self.least_m - ROUNDING_M) / self.distance_m
-    }
-
     fn report(&self, paths: &[PartPath], ids: &[String], faults: &mut Diagnostics) {
-        let [Some(other), Some(path)] = self.parts.map(|part| paths.get(part)) else { return };
-        let (apart_mm, part) = (mm_from_m(self.distance_m), 100.0 * self.share);
-        let allowed = apart_allowed(self.least_m, REST_GAP_M);
+        let Pair { parts, distance_m, least_m } = self.pair;
+        let [Some(other), Some(path)] = parts.map(|part| paths.get(part)) else { return };
+        let (apart_mm, part) = (mm_from_m(distance_m), 100.0 * self.share);
+        let allowed = apart_allowed(least_m, REST_GAP_M);
         if path.at != other.at {
             let found = format!("{apart_mm:.3} mm from the part of {} at {part:.1} % of the lap", other.at);
             return faults.push(&path.shape_at, found, allowed);
         }
-        let [a, b] = self.parts.map(|part| ids.get(part).map_or("part", String::as_str));
+        let [a, b] = parts.map(|part| ids.get(part).map_or("part", String::as_str));
         let found = format!("{a} and {b} {apart_mm:.3} mm apart at {part:.1} % of the lap");
-        let larger =
-            path.growth.as_ref().filter(|_| self.scale().is_finite()).map(|growth| growth.at_least(self.scale()));
+        let scale = self.pair.scale();
+        let larger = path.growth.as_ref().filter(|_| scale.is_finite()).map(|growth| growth.at_least(scale));
         let remedy = larger.map_or("fewer parts".to_owned(), |larger| format!("{larger}, or fewer parts"));
         faults.push(&path.shape_at, found, format!("{allowed}; {remedy}"));
     }

@@ -244,9 +244,8 @@ fn rig_of(
         (Some(RigSource::Inline(document)), Some(rig)) => {
             // the library of the rig is not compared, since the plate chooses it
             let plate = plate.map_or("the plate".to_owned(), |name| format!("plate {name}"));
-            let same = rig.is_as_in(&document);
-            faults.require(same, at, "another rig", format!("the rig of {plate}, or nothing"));
-            same.then(|| rig.clone())
+            let allowed = format!("the rig of {plate}, or nothing");
+            faults.require(rig.is_as_in(&document), at, "another rig", allowed).then(|| rig.clone())
         }
         (Some(source), _) => RigSpec::from_source(source, origin, &at, faults),
         (None, Some(rig)) => Some(rig.clone()),

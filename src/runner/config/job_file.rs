@@ -20,7 +20,7 @@ pub struct JobFile {
     #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
     pub(crate) name: String,
     /// Seed of everything random.
-    #[serde(default = "one_u64")]
+    #[serde(default = "whole::<u64, 1>")]
     pub seed: u64,
     /// The rig: a path relative to this file, or the object itself. A job sent to a daemon may leave it out.
     pub rig: Option<RigSource>,
@@ -51,14 +51,6 @@ pub struct JobFile {
     pub(crate) deadlines: DeadlinePolicy,
 }
 
-fn one_u64() -> u64 {
-    1
-}
-
-fn one() -> u32 {
-    1
-}
-
 /// A COR library named by its file or written out; the library room reads the object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
@@ -77,7 +69,7 @@ pub(crate) struct PartsEntry {
     /// penny, nickel, dime, quarter or a kind of the rig's.
     pub(crate) kind: String,
     /// How many.
-    #[serde(default = "one")]
+    #[serde(default = "whole::<u32, 1>")]
     #[schemars(range(min = 1, max = 64))]
     pub(crate) count: u32,
     /// Where it starts, mm; only with count 1. Left out: at random, by the seed.
@@ -92,11 +84,11 @@ pub(crate) enum TaskSection {
     /// One part goes to the centre, then along the branches of a plus sign, clockwise, out and back.
     PlusSign {
         /// Rounds over all four branches; 0 is without end.
-        #[serde(default = "one")]
+        #[serde(default = "whole::<u32, 1>")]
         #[schemars(range(max = 1_000_000))]
         laps: u32,
         /// How far the part's rim stays from the plate's edge, mm.
-        #[serde(default = "whole::<5>")]
+        #[serde(default = "whole::<f64, 5>")]
         #[schemars(range(min = 1.0, max = 1000.0))]
         edge_margin_mm: f64,
         /// Largest distance from the path, mm, for the whole course of every pulse.
@@ -114,7 +106,7 @@ pub(crate) enum TaskSection {
         #[serde(default)]
         in_phase: bool,
         /// Largest distance from the paths, mm, for the whole course of every pulse.
-        #[serde(default = "whole::<1>")]
+        #[serde(default = "whole::<f64, 1>")]
         #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
         corridor_mm: f64,
     },
@@ -159,14 +151,14 @@ pub(crate) struct PathEntry {
     pub(crate) svg: Option<SvgShape>,
     /// Parts that follow this path, evenly spaced round it; more than one only with `in_phase`. The line back from its
     /// last point to the first is then a part of it.
-    #[serde(default = "one")]
+    #[serde(default = "whole::<u32, 1>")]
     #[schemars(range(min = 1, max = 64))]
     pub(crate) count: u32,
     /// Speed along it, mm/s.
     #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
     pub(crate) speed_mm_s: f64,
     /// How often it is gone through, from its last point straight back to the first; 0 is without end.
-    #[serde(default = "one")]
+    #[serde(default = "whole::<u32, 1>")]
     #[schemars(range(max = 1_000_000))]
     pub(crate) repeat: u32,
 }

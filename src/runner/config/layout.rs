@@ -39,8 +39,8 @@ impl JobLayout {
                 let radius_m = parts.first().map_or(0.0, |part| part.radius_m);
                 let reach_m = 0.5 * job.rig.model.plate_side_m - edge_margin_m - radius_m;
                 let part = Some(0).filter(|_| parts.len() == 1);
-                layout.paths =
-                    plus_sign(reach_m).map(|waypoints_m| LayoutPath { part, waypoints_m, closed: false }).to_vec();
+                let bar = |along: Vec2| LayoutPath { part, waypoints_m: vec![-along, along], closed: false };
+                layout.paths = [Vec2::new(reach_m, 0.0), Vec2::new(0.0, reach_m)].map(bar).to_vec();
             }
             TaskSpec::Trajectories { paths, .. } => {
                 let path = |(part, wanted): (usize, &PathParams)| LayoutPath {
@@ -56,11 +56,6 @@ impl JobLayout {
         }
         Self { parts, ..layout }
     }
-}
-
-/// The ends of the two bars of a plus sign whose branches are `reach_m` long.
-fn plus_sign(reach_m: f64) -> [Vec<Vec2>; 2] {
-    [Vec2::new(reach_m, 0.0), Vec2::new(0.0, reach_m)].map(|along| vec![-along, along])
 }
 
 #[cfg(test)]

@@ -44,38 +44,26 @@ impl PartPath {
     /// The path at `at`, once for each part that follows it. Several parts begin evenly spaced on it and follow the
     /// whole lap. Empty if the file is at fault.
     pub fn each(entry: &PathEntry, at: &Path, faults: &mut Diagnostics) -> Vec<Self> {
-        line_of(entry, at, faults).map(|line| part_paths(&line, entry, at)).unwrap_or_default()
+        let Some(line) = line_of(entry, at, faults) else { return Vec::new() };
+        let waypoints_m = |k: u32| match entry.count {
+            1 => line.points_m.clone(),
+            count => closed_from(&line.points_m, f64::from(k) / f64::from(count)),
+        };
+        let speed_mps = m_from_mm(entry.speed_mm_s);
+        let part_path = |k: u32| Self {
+            at: at.clone(),
+            shape_at: at.key(line.key),
+            growth: line.growth.clone(),
+            has_file_corners: line.growth.is_none() && entry.count == 1,
+            params: PathParams { waypoints_m: waypoints_m(k), speed_mps, repeat: entry.repeat },
+        };
+        (0..entry.count).map(part_path).collect()
     }
-}
-
-fn part_paths(line: &PathLine, entry: &PathEntry, at: &Path) -> Vec<PartPath> {
-    let waypoints_m = |k: u32| match entry.count {
-        1 => line.points_m.clone(),
-        count => closed_from(&line.points_m, f64::from(k) / f64::from(count)),
-    };
-    let part_path = |k: u32| PartPath {
-        at: at.clone(),
-        shape_at: at.key(line.key),
-        growth: line.growth.clone(),
-        has_file_corners: line.growth.is_none() && entry.count == 1,
-        params: PathParams {
-            waypoints_m: waypoints_m(k),
-            speed_mps: m_from_mm(entry.speed_mm_s),
-            repeat: entry.repeat,
-        },
-    };
-    (0..entry.count).map(part_path).collect()
 }
 
 fn line_of(entry: &PathEntry, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
     let PathEntry { waypoints_mm, circle, lissajous, svg, .. } = entry;
-    let keys = [
-        ("waypoints_mm", waypoints_mm.is_some()),
-        ("circle", circle.is_some()),
-        ("lissajous", lissajous.is_some()),
-        ("svg", svg.is_some()),
-    ];
-    if !exactly_one(&keys, at, faults) {
+    if !exactly_one(entry, &["waypoints_mm", "circle", "lissajous", "svg"], at, faults) {
         return None;
     }
     if let Some(entry) = circle {

@@ -2,7 +2,7 @@ use rand_distr::{Distribution, StandardNormal, Uniform};
 
 use super::clearance::{START_GAP_M, START_MARGIN_M};
 use super::job::JobSpec;
-use super::kinds::part_ids;
+use super::kinds::{PartGroup, part_ids};
 use upm_core::document::{Diagnostic, Path, counted};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
@@ -34,16 +34,12 @@ pub struct PlacedPart {
 /// with rims [`START_GAP_M`] apart and [`START_MARGIN_M`] inside the edge. Draws each part's friction from `streams`.
 /// `Err` if no places are found.
 pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, Diagnostic> {
-    let mut parts = unplaced(job, streams);
+    let parts = unplaced(job, streams);
     let mut rng = Streams::new(job.placement_seed()).stream("placement");
     let half_m = 0.5 * job.rig.model.plate_side_m;
-    for _ in 0..ROUNDS {
-        if let Some(places_m) = scatter(&parts, half_m, &mut rng) {
-            for ((part, _), place_m) in parts.iter_mut().zip(places_m) {
-                part.position_m = place_m;
-            }
-            return Ok(parts.into_iter().map(|(part, _)| part).collect());
-        }
+    if let Some(places_m) = (0..ROUNDS).find_map(|_| scatter(&parts, half_m, &mut rng)) {
+        let placed = parts.into_iter().zip(places_m);
+        return Ok(placed.map(|((part, _), position_m)| PlacedPart { position_m, ..part }).collect());
     }
     let found = format!("{}, not all placed in {ROUNDS} rounds of {TRIES} tries each", counted(parts.len(), "part"));
     Err(Diagnostic::new(&job.file, Path::root().key("parts"), found, "fewer or smaller parts, or given positions"))
@@ -51,19 +47,16 @@ pub fn place_parts(job: &JobSpec, streams: Streams) -> Result<Vec<PlacedPart>, D
 
 /// Each part, and its given position if it has one.
 fn unplaced(job: &JobSpec, streams: Streams) -> Vec<(PlacedPart, Option<Vec2>)> {
-    let mut ids = part_ids(&job.parts, &job.rig.kinds).into_iter();
-    let mut parts = Vec::new();
-    for group in &job.parts {
-        for _ in 0..group.count {
-            let (Some(spec), Some(id)) = (job.rig.kinds.get(group.kind), ids.next()) else { continue };
-            let rng = &mut streams.numbered("part friction", parts.len() as u64);
-            let friction = drawn_friction(spec.friction, job.rig.document.friction.spread, rng);
-            let params = PartParams { friction, ..spec.part() };
-            let position_m = group.position_m.unwrap_or_default();
-            parts.push((PlacedPart { kind: group.kind, id, position_m, params }, group.position_m));
-        }
-    }
-    parts
+    let groups = job.parts.iter().flat_map(|group| std::iter::repeat_n(group, group.count));
+    let part = |(i, (group, id)): (u64, (&PartGroup, String))| {
+        let spec = job.rig.kinds.get(group.kind)?;
+        let rng = &mut streams.numbered("part friction", i);
+        let friction = drawn_friction(spec.friction, job.rig.document.friction.spread, rng);
+        let params = PartParams { friction, ..spec.part() };
+        let position_m = group.position_m.unwrap_or_default();
+        Some((PlacedPart { kind: group.kind, id, position_m, params }, group.position_m))
+    };
+    (0..).zip(groups.zip(part_ids(&job.parts, &job.rig.kinds))).filter_map(part).collect()
 }
 
 /// Normal about `coefficient`, truncated at three standard deviations.

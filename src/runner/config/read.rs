@@ -1,5 +1,8 @@
 use std::path::{Path as FilePath, PathBuf};
 
+use serde::Serialize;
+use serde_json::json;
+
 use upm_core::document::{Diagnostics, Path, quoted};
 use upm_core::geometry::Vec2;
 use upm_core::units::m_from_mm;
@@ -51,11 +54,15 @@ pub(super) fn point_m(mm: [f64; 2]) -> Vec2 {
     Vec2::from(mm.map(m_from_mm))
 }
 
-/// True if exactly one of these keys of the object at `at` is present, else a fault.
-pub(super) fn exactly_one(keys: &[(&str, bool)], at: &Path, faults: &mut Diagnostics) -> bool {
-    let given: Vec<&str> = keys.iter().filter(|(_, given)| *given).map(|(key, _)| *key).collect();
+/// Those of `keys` that are present in `object`.
+pub(super) fn given<'k>(object: &impl Serialize, keys: &[&'k str]) -> Vec<&'k str> {
+    let object = json!(object);
+    keys.iter().copied().filter(|key| !object[key].is_null()).collect()
+}
+
+/// True if exactly one of `keys` is present in `object`, which is at `at`, else a fault.
+pub(super) fn exactly_one(object: &impl Serialize, keys: &[&str], at: &Path, faults: &mut Diagnostics) -> bool {
+    let given = given(object, keys);
     let found = if given.is_empty() { "none".to_owned() } else { given.join(" and ") };
-    let all: Vec<&str> = keys.iter().map(|(key, _)| *key).collect();
-    faults.require(given.len() == 1, at, found, format!("exactly one of {}", all.join(", ")));
-    given.len() == 1
+    faults.require(given.len() == 1, at, found, format!("exactly one of {}", keys.join(", ")))
 }

@@ -1,11 +1,11 @@
 //! Files of open-loop experiments: given pulses on given parts.
 
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::clearance::check_apart;
 use super::placement::PlacedPart;
-use super::read::{Origin, point_m};
+use super::read::{Origin, given, point_m};
 use super::rig::RigSpec;
 use super::rig_file::RigSource;
 use upm_core::document::{Diagnostic, Diagnostics, Path, parse_and_build, text_of};
@@ -34,7 +34,7 @@ pub(super) struct ExperimentFile {
     #[schemars(length(min = 1, max = 1000))]
     pulses: Vec<PulseEntry>,
     /// Samples a second of the trajectories put out.
-    #[serde(default = "whole::<1000>")]
+    #[serde(default = "whole::<f64, 1000>")]
     #[schemars(range(min = 1.0, max = 100_000.0))]
     sample_hz: f64,
 }
@@ -51,7 +51,7 @@ struct PartEntry {
 
 /// A pulse: a rotation (`cor_mm`, `omega_rad_s`) or a translation (`direction_deg`, `speed_mps`), both with the wave
 /// `cos wt - ½ cos 2wt`; or any periodic motion of the plate (`harmonics`).
-#[derive(Deserialize, JsonSchema)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 struct PulseEntry {
     /// Centre of rotation, mm.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
@@ -69,7 +69,7 @@ struct PulseEntry {
     #[schemars(length(min = 1, max = 16))]
     harmonics: Option<Vec<HarmonicEntry>>,
     /// 1 as said, parts of a rotation flow counter-clockwise; -1 in reverse.
-    #[serde(default = "forwards")]
+    #[serde(default = "whole::<i32, 1>")]
     #[schemars(extend("enum" = [-1, 1]))]
     rotation: i32,
     /// Length at full height, s.
@@ -85,7 +85,7 @@ struct PulseEntry {
 
 /// One harmonic of the plate's velocity: `cos` and `sin` times `cos kwt` and `sin kwt`. Each is the velocity of the
 /// plate's centre along x and y, m/s, and its spin, rad/s, counter-clockwise.
-#[derive(Default, Deserialize, JsonSchema)]
+#[derive(Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 struct HarmonicEntry {
     /// Amplitudes of `cos kwt`: m/s, m/s, rad/s.
@@ -94,10 +94,6 @@ struct HarmonicEntry {
     /// Amplitudes of `sin kwt`: m/s, m/s, rad/s.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     sin: [f64; 3],
-}
-
-fn forwards() -> i32 {
-    1
 }
 
 /// Most samples in the output, over all parts.
@@ -167,10 +163,6 @@ impl HarmonicEntry {
         let twist = |[vx_mps, vy_mps, spin_radps]: [f64; 3]| Twist::new(vx_mps, vy_mps, spin_radps) * scale;
         TwistHarmonic { cos: twist(self.cos), sin: twist(self.sin) }
     }
-
-    fn is_zero(&self) -> bool {
-        self.cos == [0.0; 3] && self.sin == [0.0; 3]
-    }
 }
 
 impl PulseEntry {
@@ -185,19 +177,12 @@ impl PulseEntry {
                 Twist::new(speed_mps * cos, speed_mps * sin, 0.0)
             }
             (None, None, None, None, Some(harmonics)) => {
-                let moves = harmonics.iter().any(|harmonic| !harmonic.is_zero());
+                let moves = harmonics.iter().any(|harmonic| *harmonic != HarmonicEntry::default());
                 faults.require(moves, at.key("harmonics"), "no motion", "an amplitude other than 0");
                 return Some(harmonics.iter().map(|harmonic| harmonic.scaled(sign)).collect());
             }
             _ => {
-                let given = [
-                    ("cor_mm", cor_mm.is_some()),
-                    ("omega_rad_s", omega_rad_s.is_some()),
-                    ("direction_deg", direction_deg.is_some()),
-                    ("speed_mps", speed_mps.is_some()),
-                    ("harmonics", harmonics.is_some()),
-                ];
-                let found: Vec<&str> = given.into_iter().filter_map(|(name, given)| given.then_some(name)).collect();
+                let found = given(self, &["cor_mm", "omega_rad_s", "direction_deg", "speed_mps", "harmonics"]);
                 let found = if found.is_empty() { "none of them".to_owned() } else { found.join(", ") };
                 faults.push(at, found, "cor_mm and omega_rad_s, or direction_deg and speed_mps, or harmonics");
                 return None;
@@ -223,7 +208,7 @@ fn check_frequencies(file: &ExperimentFile, rig: &RigSpec, base_hz: f64, faults:
     }
     for (i, pulse) in file.pulses.iter().enumerate() {
         let harmonics = pulse.harmonics.as_deref().unwrap_or_default();
-        if let Some(last) = harmonics.iter().rposition(|harmonic| !harmonic.is_zero()) {
+        if let Some(last) = harmonics.iter().rposition(|harmonic| *harmonic != HarmonicEntry::default()) {
             check(last + 1, &root.key("pulses").index(i).key("harmonics"));
         }
     }

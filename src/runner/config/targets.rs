@@ -48,14 +48,7 @@ impl TaskContext<'_> {
 
     fn made_targets(&self, shape: &TargetRule, at: &Path, faults: &mut Diagnostics) -> Option<Vec<Vec2>> {
         let TargetRule { line, grid, circle, text, svg } = shape;
-        let keys = [
-            ("line", line.is_some()),
-            ("grid", grid.is_some()),
-            ("circle", circle.is_some()),
-            ("text", text.is_some()),
-            ("svg", svg.is_some()),
-        ];
-        if !exactly_one(&keys, at, faults) {
+        if !exactly_one(shape, &["line", "grid", "circle", "text", "svg"], at, faults) {
             return None;
         }
         let shape = if let Some(shape) = line {
@@ -144,8 +137,7 @@ fn circle_of(shape: &CircleShape, at: Path) -> FittedOutline {
 /// The drawing at `at`, whose path data has been written out.
 pub(super) fn drawing_of(shape: &SvgShape, at: &Path, faults: &mut Diagnostics) -> Option<(Drawing, Growth)> {
     let SvgShape { d, width_mm, height_mm, center_mm, .. } = shape;
-    let keys = [("width_mm", width_mm.is_some()), ("height_mm", height_mm.is_some())];
-    if !exactly_one(&keys, at, faults) {
+    if !exactly_one(shape, &["width_mm", "height_mm"], at, faults) {
         return None;
     }
     let (name, size_mm, size) = match (width_mm, height_mm) {

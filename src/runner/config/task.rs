@@ -71,12 +71,19 @@ pub(super) fn build(
 ) -> Option<TaskSpec> {
     let scene = TaskContext::new(groups, rig);
     if let TaskSection::PlusSign { corridor_mm, .. } | TaskSection::Trajectories { corridor_mm, .. } = task {
-        let at = scene.at.key("corridor_mm");
-        check_corridor(*corridor_mm, rig, (scene.kinds.len(), planner), &at, faults);
+        let narrowest_mm = (100.0 * mm_from_m(narrowest_m(rig, scene.kinds.len(), planner))).ceil() / 100.0;
+        let allowed = format!("{narrowest_mm:.2} or more: sway, sensing and scatter of a part on {}", rig.model.name);
+        faults.require(*corridor_mm > narrowest_mm - 1e-9, scene.at.key("corridor_mm"), corridor_mm, allowed);
     }
     match task {
         TaskSection::PlusSign { laps, edge_margin_mm, corridor_mm } => {
-            scene.plus_sign(*laps, *edge_margin_mm, *corridor_mm, faults)
+            let found = counted(scene.kinds.len(), "part");
+            faults.require(scene.kinds.len() == 1, Path::root().key("parts"), found, "exactly one part for plus_sign");
+            let edge_margin_m = m_from_mm(*edge_margin_mm);
+            let most_m = scene.half_m - scene.radii_m.iter().copied().fold(0.0, f64::max);
+            let allowed = format!("below {:.3} (else no branch is left)", mm_from_m(most_m));
+            faults.require(edge_margin_m < most_m, scene.at.key("edge_margin_mm"), edge_margin_mm, allowed);
+            Some(TaskSpec::PlusSign { laps: *laps, edge_margin_m, corridor_m: m_from_mm(*corridor_mm) })
         }
         TaskSection::Trajectories { paths, in_phase, corridor_mm } => {
             scene.trajectories(paths, *in_phase, *corridor_mm, faults)
@@ -114,22 +121,6 @@ impl<'a> TaskContext<'a> {
         Self { at: Path::root().key("task"), rig, half_m: 0.5 * rig.model.plate_side_m, kinds, radii_m, ids }
     }
 
-    fn plus_sign(
-        &self,
-        laps: u32,
-        edge_margin_mm: f64,
-        corridor_mm: f64,
-        faults: &mut Diagnostics,
-    ) -> Option<TaskSpec> {
-        let found = counted(self.kinds.len(), "part");
-        faults.require(self.kinds.len() == 1, Path::root().key("parts"), found, "exactly one part for plus_sign");
-        let edge_margin_m = m_from_mm(edge_margin_mm);
-        let most_m = self.half_m - self.radii_m.iter().copied().fold(0.0, f64::max);
-        let allowed = format!("below {:.3} (else no branch is left)", mm_from_m(most_m));
-        faults.require(edge_margin_m < most_m, self.at.key("edge_margin_mm"), edge_margin_mm, allowed);
-        Some(TaskSpec::PlusSign { laps, edge_margin_m, corridor_m: m_from_mm(corridor_mm) })
-    }
-
     pub(super) fn demand_one_each(&self, found: usize, what: &str, at: &Path, faults: &mut Diagnostics) {
         let parts = self.kinds.len();
         faults.require(found == parts, at, counted(found, what), format!("{parts}, one for each part"));
@@ -162,17 +153,4 @@ fn narrowest_m(rig: &RigSpec, parts: usize, planner: PlannerChoice) -> f64 {
     let period_s = TAU / fields.map_or(rig.model.base_radps, |fields| fields.base_radps);
     let sway_m = rig.document.friction.coefficient * GRAVITY_MPS2 * period_s * period_s / 32.0;
     sway_m + accuracy_m(&rig.sim.camera, FIELD_SCATTER_M)
-}
-
-/// Reports a corridor of half width `corridor_mm` that is narrower than the parts can hold.
-fn check_corridor(
-    corridor_mm: f64,
-    rig: &RigSpec,
-    (parts, planner): (usize, PlannerChoice),
-    at: &Path,
-    faults: &mut Diagnostics,
-) {
-    let narrowest_mm = (100.0 * mm_from_m(narrowest_m(rig, parts, planner))).ceil() / 100.0;
-    let allowed = format!("{narrowest_mm:.2} or more: sway, sensing and scatter of a part on {}", rig.model.name);
-    faults.require(corridor_mm > narrowest_mm - 1e-9, at, corridor_mm, allowed);
 }

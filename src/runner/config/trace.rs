@@ -51,16 +51,12 @@ fn check(pulse: &RecordedPulse, faults: &mut Diagnostics) {
     for (name, channel) in CHANNEL_NAMES.into_iter().zip(&trace.counts) {
         let found = counted(channel.len(), "sample");
         faults.require(channel.len() == samples, at.key(name), found, format!("{samples}, as in counts.x1"));
-        check_range(channel, trace.count_limit, &at.key(name), faults);
-    }
-}
-
-/// Checks counts against `limit`; in two's complement the range extends one further down than up.
-fn check_range(channel: &[i16], limit: i16, at: &Path, faults: &mut Diagnostics) {
-    let (low, high) = (-limit - 1, limit);
-    for (i, count) in channel.iter().enumerate().filter(|(_, count)| **count != MISSING_SAMPLE) {
-        if !(low..=high).contains(count) {
-            faults.push(at.index(i), count, format!("from {low} to {high} (count_limit), null for a missing sample"));
+        // in two's complement the range extends one further down than up
+        let (low, high) = (-trace.count_limit - 1, trace.count_limit);
+        let is_wrong = |count: &i16| *count != MISSING_SAMPLE && !(low..=high).contains(count);
+        for (i, count) in channel.iter().enumerate().filter(|(_, count)| is_wrong(count)) {
+            let allowed = format!("from {low} to {high} (count_limit), null for a missing sample");
+            faults.push(at.key(name).index(i), count, allowed);
         }
     }
 }

@@ -45,10 +45,8 @@ fn simulated(rig: &RigSpec, seed: u64) -> Result<SimRig, CalibrationFault> {
             format!("plate.side_mm: expected {least:.0} or more (the coins of the calibration), found {found}");
         return Err(CalibrationFault::Unseen(reason));
     }
-    let coins = COINS
-        .iter()
-        .map(|&[x, y]| (penny.part(), Pose { position_m: Vec2::new(x, y) * half_side_m, heading_rad: 0.0 }));
-    Ok(SimRig::new(rig.model.clone(), rig.sim.clone(), coins.collect(), Streams::new(seed)))
+    let coins = COINS.map(|[x, y]| (penny.part(), Pose::at(Vec2::new(x, y) * half_side_m)));
+    Ok(SimRig::new(rig.model.clone(), rig.sim.clone(), coins.to_vec(), Streams::new(seed)))
 }
 
 /// Parameters of the full calibration of `rig`, with pennies on the plate.

@@ -8,7 +8,7 @@ use upm_control::{ExpectedPart, FinalState, RunEnd};
 use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
 use upm_core::rig::Rig;
 use upm_core::units::mm_from_m;
-use upm_recording::{FaultEntry, PartReport, Report, StopReport, Verdict, rounded};
+use upm_recording::{PartReport, Report, StopReport, Verdict, rounded};
 
 /// Allowance for the measurement error by which a true error may exceed the tolerance, mm.
 const SENSING_MM: f64 = 0.1;
@@ -31,6 +31,10 @@ pub(super) fn ending<R: Rig>(
         };
         setup.params.parts.iter().enumerate().map(part_at_end).collect()
     };
+    let faults_begun = |RunSetup { faults, rig, .. }: &RunSetup<R>| {
+        let begun = faults.iter().filter(|fault| fault.from <= rig.now());
+        begun.map(fault_entry).collect()
+    };
     Report {
         name: job.name.clone(),
         seed: job.seed(),
@@ -39,12 +43,12 @@ pub(super) fn ending<R: Rig>(
         outcome,
         stop: cause.map(|cause| StopReport::of(cause, &reason)),
         reason,
-        plate_time_s: setup.map_or(0.0, |setup| rounded(setup.now().secs())),
+        plate_time_s: setup.map_or(0.0, |setup| rounded(setup.rig.now().secs())),
         wall_time_s: rounded(wall_time_s),
         laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),
         lost_parts: lost.len(),
         parts: setup.map(parts_of).unwrap_or_default(),
-        faults: setup.map(faults_within).unwrap_or_default(),
+        faults: setup.map(faults_begun).unwrap_or_default(),
         ..Report::default()
     }
 }
@@ -52,16 +56,10 @@ pub(super) fn ending<R: Rig>(
 /// Adds `error`, about a file that could not be written, to the end of a run. A lost part and a stop from outside
 /// remain its cause.
 pub(super) fn add_write_failure(ending: &mut RunEnd, error: &RunError) {
+    use StopRequest::{Cancelled, Estop, Interrupted};
     match (ending.outcome, ending.cause) {
         (_, Some(StopCause::Found(Finding::PartLost))) => ending.reason = format!("{}; {error}", ending.reason),
-        (
-            Outcome::Cancelled,
-            Some(
-                StopCause::Asked(StopRequest::Estop)
-                | StopCause::Asked(StopRequest::Cancelled)
-                | StopCause::Asked(StopRequest::Interrupted),
-            ),
-        ) => {
+        (Outcome::Cancelled, Some(StopCause::Asked(Estop | Cancelled | Interrupted))) => {
             ending.reason = format!("stopped; {error}");
         }
         _ => {
@@ -69,13 +67,6 @@ pub(super) fn add_write_failure(ending: &mut RunEnd, error: &RunError) {
             *ending = RunEnd { outcome, cause, reason: error.to_string() };
         }
     }
-}
-
-/// Faults that have begun by now.
-fn faults_within<R: Rig>(setup: &RunSetup<R>) -> Vec<FaultEntry> {
-    let now = setup.now();
-    let begun = setup.faults.iter().filter(|fault| fault.from <= now);
-    begun.map(fault_entry).collect()
 }
 
 /// Verdict of the ground truth on `report`, a run of `job`; `None` if the truth is unknown. Parts on endless paths or

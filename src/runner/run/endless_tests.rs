@@ -22,7 +22,7 @@ fn job(task: &Value, plate_time_s: f64) -> JobSpec {
 
 fn report_of(task: &Value, plate_time_s: f64) -> Report {
     let (out, stop) = (TempDir::new().unwrap(), AtomicBool::new(false));
-    let mut watcher = Fanout::new();
+    let mut watcher = Fanout::default();
     let job = job(task, plate_time_s);
     run(
         &job,
@@ -126,7 +126,7 @@ fn run_asked_to_give_way_ends_its_cycle_first_and_is_completed_when_endless() {
         let longest_s = cycles.windows(2).map(|two| two[1] - two[0]).fold(0.0, f64::max);
         assert!(took_s <= longest_s, "{took_s} s, a cycle takes up to {longest_s} s");
         let folder = std::fs::read_dir(out.path()).unwrap().next().unwrap().unwrap().path();
-        let verdict = verify(&folder, &AtomicBool::new(false), &mut Fanout::new()).unwrap();
+        let verdict = verify(&folder, &AtomicBool::new(false), &mut Fanout::default()).unwrap();
         assert_eq!(verdict, Verification::Equal { lines: journal.len() - 1, stopped: true });
     }
 }

@@ -43,7 +43,7 @@ fn played(job: &JobSpec) -> (TempDir, RunResult) {
         &MonotonicClock::new(),
         &stop,
         &PacingStats::default(),
-        &mut Fanout::new(),
+        &mut Fanout::default(),
     )
     .unwrap();
     (out, done)
@@ -85,7 +85,7 @@ fn faulty_run_is_reported_and_repeats_from_its_folder() {
     assert_eq!(done.report.faults.len(), 4);
     let effective: Value = serde_json::from_str(&bytes(&done, "effective.json")).unwrap();
     assert_eq!(effective["job"]["faults"][3]["kind"], "moved");
-    let verdict = verify(&done.folder, &AtomicBool::new(false), &mut Fanout::new()).unwrap();
+    let verdict = verify(&done.folder, &AtomicBool::new(false), &mut Fanout::default()).unwrap();
     assert!(matches!(verdict, Verification::Equal { .. }), "{verdict:?}");
 }
 

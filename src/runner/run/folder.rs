@@ -27,8 +27,8 @@ pub struct RunFolder(PathBuf);
 /// Files of a run folder. `effective.json`, written just before the run begins, and `report.json`, written when it is
 /// over, are complete if present; the journal may end in an incomplete line, and the recording anywhere.
 const FILES: [&str; 4] = ["effective.json", "journal.jsonl", "run.rrd", REPORT_FILE];
-/// The report of a run.
-const REPORT_FILE: &str = "report.json";
+/// The report of a run, present once it is over.
+pub(super) const REPORT_FILE: &str = "report.json";
 
 impl RunFolder {
     /// Creates `OUT/<name>-<seed>-<utc>/`, with a number appended if that exists.
@@ -57,11 +57,6 @@ impl RunFolder {
     pub fn files(&self) -> Vec<&'static str> {
         let has = |name: &&str| fs::symlink_metadata(self.0.join(name)).is_ok_and(|found| found.is_file());
         FILES.into_iter().filter(has).collect()
-    }
-
-    /// True once the run is over.
-    pub(super) fn has_report(&self) -> bool {
-        self.files().contains(&REPORT_FILE)
     }
 
     /// Path of the folder.
@@ -119,33 +114,29 @@ impl RunFolder {
 
 /// Log of the true positions in a run with faults, one line per frame, for checks that share no code with the run:
 /// `{"at_s", "parts": [[x_mm, y_mm, 1 while on the plate]]}`, in the order of the report.
-#[derive(Debug, Default)]
-pub(super) struct TruthLog {
-    to: Option<(GroundTruthHandle, BufWriter<File>)>,
-    broken: Option<io::Error>,
-}
+#[derive(Debug)]
+pub(super) struct TruthLog(io::Result<Option<(GroundTruthHandle, BufWriter<File>)>>);
 
 impl TruthLog {
     /// Log for `setup`; writes nothing if it has no faults.
     pub(super) fn of(setup: &RunSetup, folder: &RunFolder) -> Result<Self, RunError> {
         if setup.faults.is_empty() {
-            return Ok(Self::default());
+            return Ok(Self(Ok(None)));
         }
         let file = File::create(folder.path().join(TRUTH_FILE))
             .map_err(|error| folder.write_error(TRUTH_FILE, &reason(&error)))?;
-        Ok(Self { to: Some((setup.truth.clone(), BufWriter::new(file))), broken: None })
+        Ok(Self(Ok(Some((setup.truth.clone(), BufWriter::new(file))))))
     }
 
     /// Flushes the file; `Err` has the first error of any write.
     pub(super) fn finish(self) -> io::Result<()> {
-        self.broken.map_or(Ok(()), Err)?;
-        self.to.map_or(Ok(()), |(_, mut file)| file.flush())
+        self.0?.map_or(Ok(()), |(_, mut file)| file.flush())
     }
 }
 
 impl Sink for TruthLog {
     fn frame(&mut self, _: &FrameFacts<'_>) {
-        let Some((truth, file)) = self.to.as_mut().filter(|_| self.broken.is_none()) else { return };
+        let Ok(Some((truth, file))) = &mut self.0 else { return };
         let truth = truth.read();
         let rounded = |m: f64| (mm_from_m(m) * 1e4).round() * 1e-4;
         let place = |part: &PartTruth| {
@@ -153,7 +144,9 @@ impl Sink for TruthLog {
             json!([rounded(p_m.x), rounded(p_m.y), u8::from(part.on_plate)])
         };
         let line = json!({ "at_s": truth.at.secs(), "parts": truth.parts.iter().map(place).collect::<Vec<_>>() });
-        self.broken = writeln!(file, "{line}").err();
+        if let Err(error) = writeln!(file, "{line}") {
+            self.0 = Err(error);
+        }
     }
 }
 

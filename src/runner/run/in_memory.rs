@@ -69,7 +69,7 @@ impl<'a> InMemoryRun<'a> {
 
     /// Runs to the end on the simulated rig, with the job's faults.
     pub fn run(self) -> Report {
-        self.run_watched(&mut Fanout::new())
+        self.run_watched(&mut Fanout::default())
     }
 
     /// As [`Self::run`]; `watcher` receives all facts.
@@ -96,7 +96,7 @@ impl<'a> InMemoryRun<'a> {
             let devices = RunIo { rig, model, sink, clock: &StoppedClock, stop: &never, give_way: &never };
             control::run(devices, library, task.as_mut(), params)
         };
-        Ok(self.finish(make, play, &mut Fanout::new()))
+        Ok(self.finish(make, play, &mut Fanout::default()))
     }
 
     fn finish<R: Rig>(
@@ -107,9 +107,8 @@ impl<'a> InMemoryRun<'a> {
     ) -> (Report, R) {
         let Self { job, library, setup, has_own_task } = self;
         let mut setup = setup.with_rig(make);
-        let (mut named, mut stats) =
-            (TruthInJobOrder::new(setup.truth.clone()), RunStats::new(Some(setup.truth.clone())));
-        let mut sinks = Fanout::new().with(&mut named).with(&mut stats).with(watcher);
+        let (mut named, mut stats) = (TruthInJobOrder(setup.truth.clone()), RunStats::new(Some(setup.truth.clone())));
+        let mut sinks = Fanout { sinks: vec![&mut named, &mut stats, watcher], after_frame: None };
         let finish = play(&mut setup, &library, &mut sinks);
         let mut report = stats.report(ending(job, Some(&setup), finish, 0.0));
         report.verdict = if has_own_task { None } else { verdict(job, &report) };
@@ -159,7 +158,7 @@ mod tests {
             real_time: false,
             recording_options: RecordingOptions::lossless(MonotonicClock::new()),
         };
-        let mut sink = Fanout::new();
+        let mut sink = Fanout::default();
         let stop = AtomicBool::new(false);
         run(job, job_library(job).unwrap(), &options, &StoppedClock, &stop, &PacingStats::default(), &mut sink)
             .unwrap()
@@ -175,7 +174,7 @@ mod tests {
             let out = tempfile::TempDir::new().unwrap();
             assert_eq!(report, written(&job, out.path()));
             let folder = out.path().read_dir().unwrap().next().unwrap().unwrap().path();
-            let verified = verify(&folder, &AtomicBool::new(false), &mut Fanout::new()).unwrap();
+            let verified = verify(&folder, &AtomicBool::new(false), &mut Fanout::default()).unwrap();
             assert!(matches!(verified, Verification::Equal { stopped: false, .. }), "{verified:?}");
         }
     }

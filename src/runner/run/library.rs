@@ -12,6 +12,9 @@ use upm_core::files::write_whole;
 use upm_core::random::Streams;
 use upm_planning::cor_library::Library;
 
+/// Expected of a job or a rig without a library.
+const MADE_BY: &str = "a COR library, made by `upm calibrate`";
+
 /// Reads the COR library of a job and checks it against the job's rig.
 pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
     match &job.library {
@@ -22,22 +25,16 @@ pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
         }
         None => {
             let found = "nothing, in the job and in its rig";
-            Err(vec![Diagnostic::new(&job.file, "library", found, "a COR library, made by `upm calibrate`")])
+            Err(vec![Diagnostic::new(&job.file, "library", found, MADE_BY)])
         }
     }
 }
 
 /// Reads the COR library that `rig` names and checks it against the rig.
 pub fn rig_library(rig: &RigSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
-    let Some(path) = &rig.library else {
-        return Err(vec![Diagnostic::new(
-            &rig.model.name,
-            "library",
-            "nothing",
-            "a COR library, made by `upm calibrate`",
-        )]);
-    };
-    load_library(path, &format!("rig {}: library", rig.model.name), rig)
+    let name = &rig.model.name;
+    let none = || vec![Diagnostic::new(name, "library", "nothing", MADE_BY)];
+    load_library(rig.library.as_ref().ok_or_else(none)?, &format!("rig {name}: library"), rig)
 }
 
 /// `library`, read from `file`, or the reasons why it does not fit the rig.
@@ -98,11 +95,7 @@ impl LibraryOutput {
     /// Reads the bytes of `library` back as a run on `rig` would, and replaces the file only if they are valid.
     pub fn replace(self, library: &Library, rig: &RigSpec) -> Result<(), RunError> {
         let (text, file) = (library.to_json(), self.out.display().to_string());
-        let read = Library::from_json(&text, &file)?;
-        let faults = library_faults(&read, &file, rig);
-        if !faults.is_empty() {
-            return Err(faults.into());
-        }
+        fitting(Library::from_json(&text, &file)?, &file, rig)?;
         File::create(&self.draft)
             .and_then(|draft| write_whole(draft, &self.draft, &self.out, text.as_bytes()))
             .map_err(|error| not_written(&self.out, &error))

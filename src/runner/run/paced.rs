@@ -147,6 +147,7 @@ impl Rig for RealTimeRig<'_> {
 #[derive(Debug, Default)]
 pub struct PacingStats {
     misses: AtomicU64,
+    /// Delay of the worst miss of this run, in whole frame periods.
     worst_frames: AtomicU64,
     behind_ns: AtomicU64,
 }
@@ -155,11 +156,6 @@ impl PacingStats {
     /// Number of missed deadlines in all runs.
     pub fn misses(&self) -> u64 {
         self.misses.load(Ordering::Relaxed)
-    }
-
-    /// Delay of the worst miss of this run, in whole frame periods.
-    pub fn worst_frames(&self) -> u64 {
-        self.worst_frames.load(Ordering::Relaxed)
     }
 
     /// Total delay of plate time against the clock in this run; it is never made up for.
@@ -171,7 +167,7 @@ impl PacingStats {
     pub(super) fn report(&self, missed_before: u64) -> PacingReport {
         PacingReport {
             deadline_misses: self.misses().saturating_sub(missed_before),
-            worst_late_frames: self.worst_frames(),
+            worst_late_frames: self.worst_frames.load(Ordering::Relaxed),
             behind_s: rounded(self.behind().as_secs_f64()),
         }
     }

@@ -52,11 +52,6 @@ impl PlannerSelection {
         };
         Self { method, report }
     }
-
-    /// The planner's name in a job file.
-    pub fn name(&self) -> &str {
-        &self.report.name
-    }
 }
 
 #[cfg(test)]
@@ -109,7 +104,7 @@ mod tests {
     fn code_of_every_planner_is_its_name_in_a_job_file() {
         for planner in [PlannerChoice::CorSequence, PlannerChoice::SynthesizedField, PlannerChoice::PseudoInverse] {
             let in_file = serde_json::to_value(planner).unwrap();
-            assert_eq!(json!(selection("upm-2", 2, in_file.clone()).name()), in_file);
+            assert_eq!(json!(selection("upm-2", 2, in_file.clone()).report.name), in_file);
         }
     }
 }

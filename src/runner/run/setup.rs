@@ -9,7 +9,6 @@ use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::job::CameraMode;
 use upm_core::random::Streams;
 use upm_core::rig::{PartKind, Rig, RigModel};
-use upm_core::time::PlateTime;
 use upm_planning::cor_library::{Entry, Library};
 use upm_planning::planner::{FlowEffort, PlannerParams, PlanningMethod, RotationPlanner};
 use upm_planning::task::{
@@ -64,9 +63,9 @@ impl RunSetup {
     ) -> Result<Self, Diagnostic> {
         let (rig, placed) = simulated_rig(job)?;
         let (kinds, kind_of_part) = kinds_present(job, &placed);
-        let parts = placed.iter().zip(kind_of_part).zip(given_positions(job)).map(|((part, kind), given)| {
-            ExpectedPart { id: part.id.clone(), kind, expected_m: given.then_some(part.position_m) }
-        });
+        let given_m = job.parts.iter().flat_map(|group| std::iter::repeat_n(group.position_m, group.count));
+        let parts = placed.iter().zip(kind_of_part).zip(given_m);
+        let parts = parts.map(|((part, kind), expected_m)| ExpectedPart { id: part.id.clone(), kind, expected_m });
         let model = job.rig.model.clone();
         let params = ControlParams {
             parts: parts.collect(),
@@ -95,13 +94,6 @@ impl RunSetup {
     }
 }
 
-impl<R: Rig> RunSetup<R> {
-    /// Plate time now.
-    pub fn now(&self) -> PlateTime {
-        self.rig.now()
-    }
-}
-
 /// Number of frames without a detection after which a part is lost; at low frame rates a single bad picture does not
 /// end a run.
 fn lost_after_frames(frame_hz: f64) -> u32 {
@@ -126,11 +118,6 @@ fn kinds_present(job: &JobSpec, placed: &[PlacedPart]) -> (Vec<PartKind>, Vec<us
     let of_part = placed.iter().map(|part| numbers.binary_search(&part.kind).unwrap_or_default()).collect();
     let kinds = numbers.iter().filter_map(|&number| job.rig.kinds.get(number)).map(|spec| spec.kind.clone());
     (kinds.collect(), of_part)
-}
-
-/// For each part, true if the job gives its start position.
-fn given_positions(job: &JobSpec) -> impl Iterator<Item = bool> {
-    job.parts.iter().flat_map(|group| std::iter::repeat_n(group.position_m.is_some(), group.count))
 }
 
 /// Limits and weights of the planner in every run on a rig.
@@ -229,14 +216,7 @@ fn sort_params(job: &JobSpec, bins: &[BinParams], scene: PlateScene) -> SortPara
 }
 
 /// Sink that orders the truth as control named the parts; must be the first sink.
-pub struct TruthInJobOrder(GroundTruthHandle);
-
-impl TruthInJobOrder {
-    /// Sink for this truth.
-    pub fn new(truth: GroundTruthHandle) -> Self {
-        Self(truth)
-    }
-}
+pub struct TruthInJobOrder(pub GroundTruthHandle);
 
 impl Sink for TruthInJobOrder {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {

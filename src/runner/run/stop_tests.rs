@@ -235,7 +235,7 @@ fn a_cause_that_comes_too_late_changes_nothing() {
     let mut finish = FinalState { ending: RunEnd::completed("all in place"), ..FinalState::default() };
     let cause = || Some(ExternalStop::of(StopRequest::Cancelled, "late"));
     let controls = plate.controls(&cause);
-    let mut heard = upm_recording::Fanout::new();
+    let mut heard = upm_recording::Fanout::default();
     controls.explain(&mut finish, &mut heard, PlateTime::ZERO);
     assert_eq!(finish.ending, RunEnd::completed("all in place"));
     finish.ending = RunEnd::stopped();
@@ -254,7 +254,7 @@ fn impossible_job_is_reported_beforehand_and_leaves_its_reason() {
     let (plate, out) = (StoppedPlate::default(), TempDir::new().unwrap());
     let folder = RunFolder::create(out.path(), &job, "20260101T000000Z").unwrap();
     let path = folder.path().join("report.json");
-    let mut watcher = upm_recording::Fanout::new();
+    let mut watcher = upm_recording::Fanout::default();
     let done = run_linked(&job, library, folder, &options(&out), &*plate.clock, plate.controls(&|| None), &mut watcher);
     assert!(done.is_err_and(|error| error.is_bad_input()));
     let report: Report = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
@@ -267,7 +267,7 @@ fn one_interlock_serves_one_run_at_a_time() {
     let busy = plate.interlock.attach(PlateTime::ZERO).unwrap();
     let job = job();
     let folder = RunFolder::create(out.path(), &job, "20260101T000000Z").unwrap();
-    let mut watcher = upm_recording::Fanout::new();
+    let mut watcher = upm_recording::Fanout::default();
     let library = job_library(&job).unwrap();
     let done = run_linked(&job, library, folder, &options(&out), &*plate.clock, plate.controls(&|| None), &mut watcher);
     assert!(matches!(done, Err(RunError::Rig(_))), "{done:?}");

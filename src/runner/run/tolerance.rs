@@ -66,7 +66,7 @@ pub fn tolerance_warning(job: &JobSpec, library: &Library) -> Option<Diagnostic>
     let found_mm = mm_from_m(job.tolerance_m);
     (found_mm < finest_mm - 1e-9).then(|| {
         let found = format!("{found_mm} mm, which is below the positioning accuracy");
-        let allowed = format!("{finest_mm:.2} mm or more with {}", PlannerSelection::of(job).name());
+        let allowed = format!("{finest_mm:.2} mm or more with {}", PlannerSelection::of(job).report.name);
         Diagnostic::new(&job.file, "tolerance_mm", found, allowed)
     })
 }

@@ -49,11 +49,11 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
     let enough = AtomicBool::new(false);
     let mut repetition = Repetition::of(&recorded, &enough);
     let mut journal = Journal::new(&mut repetition, Arc::clone(&library));
-    let mut named = TruthInJobOrder::new(setup.truth.clone());
+    let mut named = TruthInJobOrder(setup.truth.clone());
     let mut end_if_stopped = |_: &mut dyn Sink, _| {
         enough.fetch_or(stop.load(Ordering::Relaxed), Ordering::Relaxed);
     };
-    let mut sinks = Fanout::new().with(&mut named).with(&mut journal).with(watcher).after_frame(&mut end_if_stopped);
+    let mut sinks = Fanout { sinks: vec![&mut named, &mut journal, watcher], after_frame: Some(&mut end_if_stopped) };
     setup.play(&library, None, &mut sinks, &StoppedClock, &enough, &AtomicBool::new(false));
     let broken = |error: io::Error| RunError::Write { path: "journal".into(), reason: error.to_string() };
     journal.finish().map_err(broken)?;
@@ -92,7 +92,8 @@ impl<'a> Repetition<'a> {
     fn of(recorded: &'a str, enough: &'a AtomicBool) -> Self {
         let recorded: Vec<&str> = recorded
             .split_inclusive('\n')
-            .filter(|line| !event_of(line).is_some_and(|event| is_of_recording(&event)))
+            // how a recording ends depends on the disk and not on the run
+            .filter(|line| !event_of(line).is_some_and(|event| event["code"] == RECORDING_FAILED))
             .collect();
         let stop = lines_before_stop(&recorded);
         let stopped = stop.is_some();
@@ -113,17 +114,6 @@ impl<'a> Repetition<'a> {
         }
     }
 
-    fn take(&mut self, line: &str) {
-        if self.differs.is_some() || self.is_through() {
-            return;
-        }
-        match self.recorded.get(self.equal) {
-            Some(&recorded) if recorded == line => self.equal += 1,
-            recorded => self.differs = Some(self.differs_in(recorded.copied(), Some(line))),
-        }
-        self.report_progress();
-    }
-
     fn differs_in(&self, recorded: Option<&str>, repeated: Option<&str>) -> Verification {
         let shown = |text: Option<&str>| text.map_or("(end)", |text| text.trim_end_matches('\n')).to_owned();
         Verification::Differs { line: self.equal + 1, recorded: shown(recorded), repeated: shown(repeated) }
@@ -138,7 +128,14 @@ impl<'a> Repetition<'a> {
 
 impl Write for Repetition<'_> {
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {
-        self.take(&String::from_utf8_lossy(line));
+        let text = String::from_utf8_lossy(line);
+        if self.differs.is_none() && !self.is_through() {
+            match self.recorded.get(self.equal) {
+                Some(&recorded) if recorded == text => self.equal += 1,
+                recorded => self.differs = Some(self.differs_in(recorded.copied(), Some(&text))),
+            }
+            self.report_progress();
+        }
         Ok(line.len())
     }
 
@@ -150,11 +147,6 @@ impl Write for Repetition<'_> {
 /// The event in a line of a journal, if it is one.
 fn event_of(line: &str) -> Option<Value> {
     serde_json::from_str(line).ok().filter(|line: &Value| line["type"] == "event")
-}
-
-/// True for an event about the end of the recording, which depends on the disk and not on the run.
-fn is_of_recording(event: &Value) -> bool {
-    event["code"] == RECORDING_FAILED
 }
 
 /// True for an event of a stop from outside the run.

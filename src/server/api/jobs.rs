@@ -12,6 +12,7 @@ use crate::http::Problem;
 use crate::states::JobState;
 use crate::store::{AuditEntry, Job, JobId};
 use upm_core::job::Pace;
+use upm_core::units::whole;
 use upm_runner::config::{JobFile, JobLayout};
 
 const IDEMPOTENCY_REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
@@ -23,16 +24,12 @@ pub struct JobsQuery {
     /// Only jobs in this state.
     pub state: Option<JobState>,
     /// Most jobs on the page.
-    #[serde(default = "usual_limit")]
+    #[serde(default = "whole::<usize, 50>")]
     #[schemars(range(min = 1, max = 200))]
     pub limit: usize,
     /// `next` of the page before, a job that need not exist any more: only older ones.
     #[schemars(length(equal = 32))]
     pub cursor: Option<String>,
-}
-
-fn usual_limit() -> usize {
-    50
 }
 
 /// A page of jobs, newest first.

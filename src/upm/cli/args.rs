@@ -11,7 +11,7 @@ use super::client_args::ClientCommand;
 use super::features::{HELP, VERSION};
 use super::run_args::{ExportArgs, RunFolderArgs, pace};
 use upm_core::job::{CameraMode, Pace};
-use upm_recording::{BadRerunMode, RerunMode};
+use upm_recording::RerunMode;
 use upm_runner::config::schema_names;
 
 /// One flat plate, shaken sideways, moves many coins on it independently, with a camera that closes the loop.
@@ -258,7 +258,7 @@ pub enum PlateInPicture {
 
 /// Reads a recording mode; refuses one whose recordings cannot be made.
 fn rerun_mode(text: &str) -> Result<RerunMode, String> {
-    let mode = text.parse().map_err(|error: BadRerunMode| error.to_string())?;
+    let mode: RerunMode = text.parse()?;
     upm_viewer::RerunSink::check(&mode).map_err(|error| error.to_string())?;
     Ok(mode)
 }

@@ -190,7 +190,7 @@ fn check_job(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Commo
     check_places(&job).map_err(lines_of)?;
     let (rig, parts, planner) =
         (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::with_forecast(&job, &library));
-    let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.name());
+    let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.report.name);
     let mut report = None;
     if is_planned {
         let mut progress = LateProgress::new(common);

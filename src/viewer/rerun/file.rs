@@ -39,12 +39,7 @@ impl RrdFile {
         &self.1
     }
 
-    /// Disconnects the viewer.
-    pub(super) fn disconnect(&self) {
-        self.0.lock().feed = None;
-    }
-
-    /// Writes the footer and closes the file; a viewer is still fed. `Err` with the first failed write.
+    /// Writes the footer, closes the file and disconnects the viewer. `Err` with the first failed write.
     pub(super) fn close(&self) -> Result<(), String> {
         let mut state = self.0.lock();
         if let Some(mut encoder) = state.encoder.take() {
@@ -53,6 +48,7 @@ impl RrdFile {
                 Err(fault) => self.fail(&mut state, fault.to_string()),
             }
         }
+        state.feed = None;
         state.fault.clone().map_or(Ok(()), Err)
     }
 
@@ -86,7 +82,6 @@ impl LogSink for RrdFile {
 
 /// An encoder that writes messages to `out`, the header first.
 fn encoder(out: Box<dyn Write + Send>, handle: &RecordingHandle) -> Result<Encoder<CountingWriter>, String> {
-    handle.begin();
     let out = CountingWriter { out, handle: handle.clone() };
     let encoder = Encoder::new_eager(rerun::build_info().version, EncodingOptions::PROTOBUF_COMPRESSED, out);
     encoder.map_err(|e| e.to_string()).inspect_err(|fault| handle.fail(fault.as_str()))

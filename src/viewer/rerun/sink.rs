@@ -118,11 +118,7 @@ impl Drop for RerunSink {
 impl Running {
     fn close(mut self) -> Result<bool, RecordingError> {
         self.queue = None;
-        let closed = match self.overflow {
-            OverflowPolicy::Wait => self.recorder.wait(),
-            OverflowPolicy::GiveUp | OverflowPolicy::WaitAtMost(_) => self.recorder.wait_within(CLOSE_TIMEOUT),
-        };
-        let closed = closed.unwrap_or_else(|unfinished| {
+        let closed = self.recorder.wait_as(self.overflow, CLOSE_TIMEOUT).unwrap_or_else(|unfinished| {
             let reason = match unfinished {
                 WaitError::Hangs => "the disk hangs",
                 WaitError::Died => "the recorder's thread died",
@@ -197,9 +193,7 @@ fn close(file: &RrdFile, recorded: LogResult) -> LogResult {
     if let Err(fault) = &recorded {
         file.handle().fail(fault.as_str());
     }
-    let closed = file.close();
-    file.disconnect();
-    closed.and(recorded)
+    file.close().and(recorded)
 }
 
 /// The fault of data that could not be encoded or written; the file ends before them.

@@ -109,7 +109,7 @@ fn cycles_until(
 ) -> SeenFacts {
     let mut seen = SeenFacts::default();
     let mut report_end = |sinks: &mut dyn Sink, at| report_recording_end(&recording_options.recording, sinks, at);
-    let mut sinks = Fanout::new().with(&mut seen).with(sink).after_frame(&mut report_end);
+    let mut sinks = Fanout { sinks: vec![&mut seen, sink], after_frame: Some(&mut report_end) };
     for _ in 0..400 {
         run.cycle(&mut sinks);
         if recording_options.recording.state() == done {

@@ -122,11 +122,14 @@ impl TableView {
     /// Logs the forecast of each field of this cycle: an arrow from the start to the end of each part's displacement.
     /// For rotations the centres show it.
     fn log_forecast(&self, stream: &RunStream, cycle: &CycleFacts) -> LogResult {
-        let steps_m = forecast_steps(cycle);
-        if steps_m.is_empty() {
+        let before_m = std::iter::once(&cycle.observed_m).chain(&cycle.plan.predicted_m);
+        let stages = cycle.plan.pulses.iter().zip(before_m.zip(&cycle.plan.predicted_m));
+        let of_fields = stages.filter(|(pulse, _)| matches!(pulse, PlannedPulse::Field(_)));
+        let steps_m = of_fields.flat_map(|(_, (from_m, to_m))| from_m.iter().zip(to_m));
+        let ends: Vec<_> = steps_m.map(|(from_m, to_m)| [*from_m, *to_m].map(above)).collect();
+        if ends.is_empty() {
             return Ok(());
         }
-        let ends = steps_m.into_iter().map(|ends_m| ends_m.map(above));
         stream.log("table/forecast", &paint::arrows(ends, paint::PREDICTED, 1.75))
     }
 
@@ -178,14 +181,6 @@ impl TableView {
         let arrows = paint::arrows(ends, paint::FAINT, 0.75).with_draw_order(-5.0);
         stream.log("table/field", &arrows.with_colors([Color::from_unmultiplied_rgba(170, 175, 190, 130)]))
     }
-}
-
-/// Start and end of the forecast displacement of each part by each field of a cycle, m.
-fn forecast_steps(cycle: &CycleFacts) -> Vec<[Vec2; 2]> {
-    let before_m = std::iter::once(&cycle.observed_m).chain(&cycle.plan.predicted_m);
-    let stages = cycle.plan.pulses.iter().zip(before_m.zip(&cycle.plan.predicted_m));
-    let of_fields = stages.filter(|(pulse, _)| matches!(pulse, PlannedPulse::Field(_)));
-    of_fields.flat_map(|(_, (from_m, to_m))| from_m.iter().zip(to_m).map(|(from_m, to_m)| [*from_m, *to_m])).collect()
 }
 
 /// Field of directions of a pulse, with its weight relative to the plan's others of the same kind: `d τ(p)`, m, of a

@@ -48,7 +48,11 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
     fn bins(&self, bins: &[Bin], palette: &Palette) -> (LineStrips2D, Points2D) {
         let rgb = |bin: &Bin| palette.of_bin(&bin.kinds).unwrap_or(paint::FAINT);
         let colors = paint::colors(&bins.iter().map(rgb).collect::<Vec<_>>());
-        let rims = LineStrips2D::new(bins.iter().map(|bin| self.strip(&outline_m(bin)))).with_radii([thin(1.25)]);
+        let rim = |bin: &Bin| {
+            let corners_m = bin_outline(bin.region.min_m.into(), bin.region.max_m.into());
+            self.strip(&corners_m.map(Vec2::from))
+        };
+        let rims = LineStrips2D::new(bins.iter().map(rim)).with_radii([thin(1.25)]);
         let lowest =
             |bin: &Bin| (self.place)(Vec2::new(0.5 * (bin.region.min_m.x + bin.region.max_m.x), bin.region.min_m.y));
         let names = Points2D::new(bins.iter().map(lowest))
@@ -66,11 +70,6 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
         let path = format!("{}/{name}", self.root);
         if self.is_static { stream.log_static(&path, what) } else { stream.log(&path, what) }
     }
-}
-
-/// The corners of a bin, the first one again at the end.
-fn outline_m(bin: &Bin) -> [Vec2; 5] {
-    bin_outline(bin.region.min_m.into(), bin.region.max_m.into()).map(Vec2::from)
 }
 
 /// The line with points no farther than [`PIECE_M`] from each other.

@@ -16,7 +16,7 @@ pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
     let body = body_of(&job, &args.job)?;
     let key = match &args.key {
         Some(key) => checked(key)?.to_owned(),
-        None => key_of_now(),
+        None => format!("upm-submit-{}-{}", jiff::Timestamp::now().as_nanosecond(), std::process::id()),
     };
     let client = Client::new(&args.daemon)?;
     let queued = queue(&client, &body, args.pace, &key);
@@ -91,9 +91,4 @@ fn checked(key: &str) -> Result<&str, Failure> {
     let is_key = (1..=255).contains(&key.len()) && key.bytes().all(|b| b.is_ascii_graphic());
     let wrong = || Failure::bad_input(format!("--key: expected 1 to 255 visible ASCII characters, found {key:?}"));
     is_key.then_some(key).ok_or_else(wrong)
-}
-
-/// Idempotency key that no other invocation uses.
-fn key_of_now() -> String {
-    format!("upm-submit-{}-{}", jiff::Timestamp::now().as_nanosecond(), std::process::id())
 }

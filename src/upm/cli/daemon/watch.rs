@@ -38,7 +38,9 @@ pub(super) fn follow(client: &Client, id: &str, after: Option<u64>, common: Comm
             StreamItem::Event(event) => {
                 show(&event, common)?;
                 if let Some(job) = job_of(&event).filter(|job| job.state == JobState::Queued) {
-                    note_plate(client, &job, common);
+                    let plates = client.get::<Plates>("/v1/plates").map(|plates| plates.plates).unwrap_or_default();
+                    let plate = plates.iter().find(|plate| plate.name == job.plate);
+                    plate.into_iter().for_each(|plate| note(&plate_line(plate), common));
                 }
             }
             StreamItem::Lost(why) => note(&format!("{why}; trying again"), common),
@@ -52,12 +54,4 @@ pub(super) fn follow(client: &Client, id: &str, after: Option<u64>, common: Comm
     let job: Job = client.get(&path)?;
     show_end(&job, common)?;
     Ok(if job.state == JobState::Completed { 0 } else { NOT_REACHED })
-}
-
-/// Shows the plate that a queued job waits for, with what an operator can do.
-fn note_plate(client: &Client, job: &Job, common: Common) {
-    let plates = client.get::<Plates>("/v1/plates").map(|plates| plates.plates).unwrap_or_default();
-    if let Some(plate) = plates.iter().find(|plate| plate.name == job.plate) {
-        note(&plate_line(plate), common);
-    }
 }
