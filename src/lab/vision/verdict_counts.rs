@@ -1,7 +1,7 @@
 use super::super::Figure;
 use super::super::numerics::rms;
 use super::super::texts::figure;
-use super::verdicts::{PartError, SceneVerdict, TableVerdict};
+use super::verdicts::{PartError, SceneVerdict};
 use upm_core::units::mm_from_m;
 use upm_scene::Difficulty;
 
@@ -19,8 +19,7 @@ pub struct VerdictCounts {
 impl VerdictCounts {
     /// Errors of the parts that were found, with the seeds of their scenes.
     fn errors(&self) -> impl Iterator<Item = (u64, &PartError)> {
-        let found = self.verdicts.iter().filter_map(|verdict| Some((verdict.seed, verdict.found()?.1)));
-        found.flat_map(|(seed, parts)| parts.errors.iter().map(move |error| (seed, error)))
+        self.verdicts.iter().flat_map(|verdict| verdict.errors.iter().map(move |error| (verdict.seed, error)))
     }
 
     fn errors_of(&self, of: fn(&PartError) -> f64) -> Vec<f64> {
@@ -33,8 +32,8 @@ impl VerdictCounts {
         let (centers_px, radii_px) = (self.errors_of(|error| error.center_px), self.errors_of(|error| error.radius_px));
         let positions_mm = self.errors_of(|error| mm_from_m(error.position_m));
         let over_covariance = self.errors_of(|error| error.over_covariance);
-        let found = self.verdicts.iter().filter_map(SceneVerdict::found);
-        let corners_px: Vec<f64> = found.flat_map(|(corner_errors_px, _)| *corner_errors_px).collect();
+        let corners_px: Vec<f64> =
+            self.verdicts.iter().filter_map(|verdict| verdict.corner_errors_px).flatten().collect();
         let errors = [
             ("centre rms", rms(&centers_px)),
             ("centre worst", worst(&centers_px)),
@@ -57,10 +56,8 @@ impl VerdictCounts {
 
     /// Seeds that need attention, one cause a line: why tables were not found, then the other failures.
     pub fn notes(&self) -> Vec<String> {
-        let faults = self.verdicts.iter().filter_map(|verdict| match &verdict.table {
-            TableVerdict::NotFound(fault) => Some((fault.to_string(), verdict.seed)),
-            _ => None,
-        });
+        let faults =
+            self.verdicts.iter().filter_map(|verdict| Some((verdict.fault.as_ref()?.to_string(), verdict.seed)));
         let causes = (1..CAUSES.len()).flat_map(|cause| {
             let failed = self.verdicts.iter().filter(move |verdict| failures(verdict)[cause] > 0);
             failed.map(move |verdict| (CAUSES[cause].to_owned(), verdict.seed))
@@ -88,11 +85,8 @@ impl VerdictCounts {
 
 /// Numbers of failures in a scene by cause.
 fn failures(verdict: &SceneVerdict) -> [usize; CAUSES.len()] {
-    match &verdict.table {
-        TableVerdict::NotFound(_) => [1, 0, 0, 0, 0],
-        TableVerdict::Misplaced => [0, 1, 0, 0, 0],
-        TableVerdict::Found { parts, .. } => [0, 0, parts.missed, parts.invented, parts.misnamed],
-    }
+    let SceneVerdict { fault, misplaced, missed, invented, misnamed, .. } = verdict;
+    [usize::from(fault.is_some()), usize::from(*misplaced), *missed, *invented, *misnamed]
 }
 
 fn worst(errors: &[f64]) -> f64 {
@@ -102,7 +96,6 @@ fn worst(errors: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vision::verdicts::PartsVerdict;
     use upm_perception::vision::TableFault;
 
     #[test]
@@ -115,17 +108,17 @@ mod tests {
                 over_covariance: 2.0,
             };
             let errors: Vec<PartError> = errors.iter().map(error).collect();
-            let parts = PartsVerdict { errors, missed, invented: 0, misnamed: 1 };
-            TableVerdict::Found { corner_errors_px: [0.1; 4], parts }
+            let corner_errors_px = Some([0.1; 4]);
+            SceneVerdict { corner_errors_px, errors, missed, misnamed: 1, ..SceneVerdict::default() }
         };
         let tables = [
             found(&[0.3], 0),
-            TableVerdict::NotFound(TableFault::NotASquare),
-            TableVerdict::Misplaced,
+            SceneVerdict { fault: Some(TableFault::NotASquare), ..SceneVerdict::default() },
+            SceneVerdict { misplaced: true, ..SceneVerdict::default() },
             found(&[0.4], 2),
         ];
         let verdicts: Vec<SceneVerdict> =
-            tables.into_iter().zip(7..).map(|(table, seed)| SceneVerdict { seed, parts: 3, table }).collect();
+            tables.into_iter().zip(7..).map(|(table, seed)| SceneVerdict { seed, parts: 3, ..table }).collect();
         let verdict_counts = VerdictCounts { difficulty: Difficulty::Rough, verdicts };
         let figures = verdict_counts.figures();
         let figure = |name: &str| figures.iter().find(|figure| figure.name == format!("rough: {name}")).unwrap();
