@@ -76,19 +76,6 @@ impl MChip {
     pub fn published() -> Self {
         Self { job: BatchJob::published(ResonatorDrive::plain(), 0.2), starts: 4, seed: 1 }
     }
-
-    /// Rejects an array whose ridge has no room for its rim, or whose rim is higher than the ridge.
-    fn check(&self) -> Result<(), LabFault> {
-        let &Device { ridge_height_m, rim_radius_m, .. } = &self.job.setup.device;
-        if rim_radius_m > 0.5 * ridge_height_m {
-            return Err(LabFault::Setting(format!(
-                "rim_um: expected at most {:.3} (half of the ridge's height), found {}",
-                1e6 * 0.5 * ridge_height_m,
-                1e6 * rim_radius_m
-            )));
-        }
-        Ok(())
-    }
 }
 
 /// Rate, jams, impacts, energies and height of one array.
@@ -96,8 +83,15 @@ impl MChip {
 /// # Errors
 /// A rim that does not fit its ridge.
 pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
-    chip.check()?;
     let &MChip { job, starts, seed } = chip;
+    let Device { ridge_height_m, rim_radius_m, .. } = job.setup.device;
+    if rim_radius_m > 0.5 * ridge_height_m {
+        return Err(LabFault::Setting(format!(
+            "rim_um: expected at most {:.3} (half of the ridge's height), found {}",
+            1e6 * 0.5 * ridge_height_m,
+            1e6 * rim_radius_m
+        )));
+    }
     let streams = Streams::new(seed.into());
     let mut batch = Batch::default();
     batch.add("", starts.into(), job);
