@@ -92,7 +92,7 @@ impl Approach {
     fn of(line: &PumpedLine, part: PartParams, rate_hz: f64) -> Self {
         let duration_s = APPROACH / (2.0 * coulomb_pump::mean_force(0.0) * rate_hz);
         let cycles = (duration_s / line.cycle_s()).ceil() as u32;
-        let speed_mps = line.speeds(part, 0.0, cycles);
+        let speed_mps: Vec<f64> = line.states(part, 0.0, cycles).into_iter().map(|[_, speed_mps]| speed_mps).collect();
         let exact = coulomb_pump::speeds(line.cycle_s() * rate_hz, speed_mps.len());
         let exact_mps = exact.into_iter().map(|u| u * line.amplitude_mps).collect();
         let t_s = (0..=cycles).map(|i| f64::from(i) * line.cycle_s()).collect();

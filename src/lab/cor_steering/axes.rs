@@ -14,15 +14,11 @@ const SUM: f64 = 4.0;
 
 /// Steps of centres at one row each along y and x over a step of `X1 - X2` and of `Y2 - Y1`, by least squares.
 fn steps(centers: &[Vec2]) -> [f64; 2] {
-    let slope = |of: &dyn Fn(&TableRow) -> f64, at: &dyn Fn(&Vec2) -> f64| {
-        let points: Vec<[f64; 2]> = ROWS.iter().zip(centers).map(|(row, center)| [of(row), at(center)]).collect();
-        STEP * line_through(&points)[1]
+    let slope = |of: fn([i32; 4]) -> i32, axis: usize| {
+        let point = |(row, center): (&TableRow, &Vec2)| [f64::from(of(row.amplitudes)), center[axis]];
+        STEP * line_through(&ROWS.iter().zip(centers).map(point).collect::<Vec<_>>())[1]
     };
-    let [along_y, along_x]: [&dyn Fn(&TableRow) -> f64; 2] =
-        [&|row| f64::from(row.amplitudes[0] - row.amplitudes[1]), &|row| {
-            f64::from(row.amplitudes[3] - row.amplitudes[2])
-        }];
-    [slope(along_y, &|center| center.y), slope(along_x, &|center| center.x)]
+    [slope(|[x1, x2, ..]| x1 - x2, 1), slope(|[.., y1, y2]| y2 - y1, 0)]
 }
 
 /// Steps along both axes, compared with Eq. 15 and with the paper's; and those of this rig with the ratio of its pairs
