@@ -56,7 +56,9 @@ impl PumpedLine {
     pub fn states(&self, part: PartParams, from_mps: f64, cycles: u32) -> Vec<[f64; 2]> {
         let (mut parts, cycle) = self.part(part, from_mps);
         let after_a_cycle = |_| {
-            cycle.iter().for_each(|motion| parts.step(motion));
+            for motion in &cycle {
+                parts.step(motion);
+            }
             let part = parts.motions().next();
             part.map_or([f64::NAN; 2], |part| [part.part_in_table.position_m.x, part.velocity_mps.x])
         };
