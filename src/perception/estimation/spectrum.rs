@@ -42,19 +42,6 @@ pub struct OscillatorFit {
     pub damping_ratio: f64,
     /// Standard deviation of `damping_ratio`.
     pub damping_ratio_sd: f64,
-    /// Acceleration of one unit of force far above resonance: `1/M`.
-    pub accel_per_force: f64,
-    /// Delay from the commanded force to the force, s.
-    pub force_delay_s: f64,
-}
-
-impl OscillatorFit {
-    /// Steady acceleration for a unit of commanded force `cos wt`, as a phasor at `radps`.
-    pub fn accel_response(&self, radps: f64) -> Complex<f64> {
-        let ratio = self.natural_radps / radps;
-        let impedance = Complex::new(1.0 - ratio * ratio, -2.0 * self.damping_ratio * ratio);
-        Complex::from_polar(self.accel_per_force, -radps * self.force_delay_s) / impedance
-    }
 }
 
 /// Amplitude phasors of `values` at 0, 1, 2, … cycles over their length, up to half their number: `c - js` for
@@ -163,7 +150,7 @@ pub fn fit_oscillator(
         solved = Some(solution);
     }
     let solution = solved.ok_or(undetermined(f64::INFINITY))?;
-    let fit = oscillator(&solution, base_radps, delay_rad);
+    let fit = oscillator(&solution, base_radps);
     let found_sd = (fit.natural_sd_radps / fit.natural_radps).max(fit.damping_ratio_sd);
     // written so that NaN is rejected too
     if found_sd <= LARGEST_SD && fit.damping_ratio >= -fit.damping_ratio_sd {
@@ -223,7 +210,7 @@ fn solve(lines: &[SpectralLine], weights: &[f64], delay_rad: f64) -> Option<Solu
     })
 }
 
-fn oscillator(solution: &Solution, base_radps: f64, delay_rad: f64) -> OscillatorFit {
+fn oscillator(solution: &Solution, base_radps: f64) -> OscillatorFit {
     let [mass, damping, stiffness] = [0, 1, 2].map(|i| solution.value[i]);
     let natural = (stiffness / mass).sqrt();
     let ratio = 0.5 * damping / (stiffness * mass).sqrt();
@@ -237,8 +224,6 @@ fn oscillator(solution: &Solution, base_radps: f64, delay_rad: f64) -> Oscillato
         natural_sd_radps: base_radps * sd([-0.5 * natural / mass, 0.0, 0.5 * natural / stiffness]),
         damping_ratio: ratio,
         damping_ratio_sd: sd([-0.5 * ratio / mass, 0.5 / (stiffness * mass).sqrt(), -0.5 * ratio / stiffness]),
-        accel_per_force: mass.recip(),
-        force_delay_s: delay_rad / base_radps,
     }
 }
 

@@ -92,10 +92,6 @@ impl AxisPhasors {
 /// Deviation of a motion from the nearest pump wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PumpWaveQuality {
-    /// Phase of the pump wave's `t' = 0` in the base period: `w t0`, rad, from 0 to 2π.
-    pub start_rad: f64,
-    /// Share of the acceleration's energy contained in the pump wave, 0 to 1.
-    pub purity: f64,
     /// Second over first harmonic of the velocity along the pump's direction; ideally ½.
     pub harmonic_ratio: f64,
     /// Lead of the second harmonic over that of a pump wave, rad, from -π/2 to π/2; ideally 0, and at the ends the mean
