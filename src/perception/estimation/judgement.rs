@@ -137,18 +137,16 @@ pub fn judge(
     fit: Result<&PlateFit, &FitFault>,
     sensors: &AccelerometerPair,
 ) -> MotionJudgement {
-    match fit {
-        Ok(fit) => PulseJudge::new(expected, TraceReading::of(fit), sensors).judgement(),
-        Err(fault) => MotionJudgement { mismatch: None, verdict: unreadable(expected, fault, sensors) },
-    }
-}
-
-fn unreadable(expected: &ExpectedMotion<'_>, fault: &FitFault, sensors: &AccelerometerPair) -> MotionVerdict {
+    let fault = match fit {
+        Ok(fit) => return PulseJudge::new(expected, TraceReading::of(fit), sensors).judgement(),
+        Err(fault) => fault,
+    };
     let harmonics = expected.drive.motors.iter().map(Vec::len).max().unwrap_or(0);
     let planned = expected.readings(harmonics, &AssumedCoilSignals::Planned, sensors);
     // these two mean that this rig's traces can never be read this way, whatever the plate does
     let never = matches!(fault, FitFault::Unreadable(_) | FitFault::Undetermined { .. });
-    MotionVerdict::Unreadable { strong: !never && is_strong(expected, &planned) }
+    let verdict = MotionVerdict::Unreadable { strong: !never && is_strong(expected, &planned) };
+    MotionJudgement { mismatch: None, verdict }
 }
 
 /// True for a motion strong enough that accelerometers have to show it.

@@ -22,11 +22,6 @@ pub fn force_sign(accel: &Coefficients) -> f64 {
     if sense == 0.0 { 0.0 } else { sense.signum() }
 }
 
-/// Eq. 14 for velocity phasors: with `A1 = jw Z1`, `A2 = 2jw Z2` its bracket is `-2w³ Re(Z1² conj Z2)`.
-fn force_sense(first: Complex<f64>, second: Complex<f64>) -> f64 {
-    -(first * first * second.conj()).re
-}
-
 /// The amplitude of the pump wave nearest to the motion `axes` (x, y, spin), and the quality of the approximation.
 /// `spin_arm_m` is the radius at which spin is weighted like velocity. Zero motion gives a zero pump.
 pub fn nearest_pump(axes: &[AxisPhasors; 3], spin_arm_m: f64) -> (Twist, PumpWaveQuality) {
@@ -43,8 +38,9 @@ pub fn nearest_pump(axes: &[AxisPhasors; 3], spin_arm_m: f64) -> (Twist, PumpWav
 fn first_guess(first: &Vector3<Complex<f64>>, second: &Vector3<Complex<f64>>) -> f64 {
     let phase_rad = -0.5 * first.iter().map(|z| z * z).sum::<Complex<f64>>().arg();
     let direction = turned(first, phase_rad);
-    let sense = force_sense(along(first, &direction), along(second, &direction));
-    if sense < 0.0 { phase_rad + PI } else { phase_rad }
+    let (first, second) = (along(first, &direction), along(second, &direction));
+    // Eq. 14 for velocity phasors: with `A1 = jw Z1`, `A2 = 2jw Z2` its bracket is `-2w³ Re(Z1² conj Z2)`
+    if -(first * first * second.conj()).re < 0.0 { phase_rad + PI } else { phase_rad }
 }
 
 /// Maximises the length of [`pump_at`] over φ by Newton's method.

@@ -17,8 +17,8 @@ use std::f64::consts::TAU;
 use nalgebra::{Complex, DMatrix, DVector};
 use rustfft::FftPlanner;
 
+use super::twist_from_corners;
 use super::{AccelerometerPair, FitFault, accelerations_mps2, refuse_bad, refuse_cut_short, sustain_window};
-use super::{SteadyWindow, twist_from_corners};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, CHANNELS, Envelope};
 
@@ -74,7 +74,10 @@ pub fn axis_lines(
     refuse_bad(sensors)?;
     let window = sustain_window(trace, envelope, base_radps)?;
     refuse_cut_short(trace, envelope)?;
-    refuse_uneven(&window, base_radps)?;
+    let samples = window.periods as f64 * TAU / (base_radps * window.step_s);
+    if (samples - window.samples.len() as f64).abs() > UNEVEN_SAMPLES {
+        return Err(FitFault::Unreadable("the periods read are not whole samples"));
+    }
     let channels = accelerations_mps2(trace, &window)?;
     let spectra: Vec<_> = channels.iter().map(|values| amplitude_spectrum(values)).collect();
     let line = |channel: usize, k: usize| {
@@ -103,15 +106,6 @@ fn axis_accelerations([x1, y1, x2, y2]: [Complex<f64>; CHANNELS], position_m: Ve
         Complex::new(re.velocity_mps.y, im.velocity_mps.y),
         Complex::new(re.spin_radps, im.spin_radps),
     ]
-}
-
-fn refuse_uneven(window: &SteadyWindow, base_radps: f64) -> Result<(), FitFault> {
-    let samples = window.periods as f64 * TAU / (base_radps * window.step_s);
-    if (samples - window.samples.len() as f64).abs() <= UNEVEN_SAMPLES {
-        Ok(())
-    } else {
-        Err(FitFault::Unreadable("the periods read are not whole samples"))
-    }
 }
 
 /// Fits the oscillator that responds to `force` with `accel`, phasors of the lines 1, 2, … of `base_radps` (any unit of
