@@ -43,7 +43,10 @@ pub fn force_curve(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, La
     general_wave::report(rig, &mut outcome);
     report_approach(rig, &mut outcome);
     disc_friction::report(&mut outcome);
-    report_rig(rig, &mut outcome);
+    let threshold = sliding_threshold(rig.penny, rig.model.base_radps, rig.sim.step_s);
+    let slides = figure("plate acceleration A w from which this rig's part slides", threshold);
+    outcome.figures.push(slides.with(Some(1.0 / coulomb_pump::peak_acceleration())));
+    outcome.notes.push("figures in units of μ m g, μ g, f0, A or 1 do not depend on friction and base_hz".into());
     Ok(outcome)
 }
 
@@ -158,14 +161,6 @@ fn approach_chart(approach: &Approach, k2: f64) -> Chart {
         .dashes("viscous belt (Eq. 20)", Color::Gray, mm(&exponential))
         .line("closed-form force, integrated", Color::Blue, mm(&approach.exact_mps))
         .dots("simulated", Color::Orange, dots)
-}
-
-/// Adds the acceleration of the plate from which this rig's part slides.
-fn report_rig(rig: &LabRig, outcome: &mut ExperimentResult) {
-    let threshold = sliding_threshold(rig.penny, rig.model.base_radps, rig.sim.step_s);
-    let slides = figure("plate acceleration A w from which this rig's part slides", threshold);
-    outcome.figures.push(slides.with(Some(1.0 / coulomb_pump::peak_acceleration())));
-    outcome.notes.push("figures in units of μ m g, μ g, f0, A or 1 do not depend on friction and base_hz".into());
 }
 
 #[cfg(test)]

@@ -25,7 +25,7 @@ use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
 use super::texts::{chart, figures};
 use super::{ExperimentResult, Figure, LabFault};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -127,14 +127,13 @@ fn figures_of(summaries: &[Summary]) -> [Figure; 12] {
 
 /// Displacement of the part over time.
 fn track_chart(name: &str, runs: &[(&str, &Run)]) -> Chart {
-    let layer = |(i, (label, run)): (usize, &(&str, &Run))| {
+    runs.iter().enumerate().fold(chart(name), |chart, (i, (label, run))| {
         let start_m = run.samples.first().map_or(0.0, |sample| sample.state.center_m.x);
         let stride = run.samples.len().div_ceil(DRAWN).max(1);
         let samples = run.samples.iter().step_by(stride);
         let track = samples.map(|sample| [sample.at_s, mm_from_m(sample.state.center_m.x - start_m)]);
-        Layer::new(label, Mark::Line, Color::nth(i), track)
-    };
-    chart(name).with(runs.iter().enumerate().map(layer))
+        chart.line(label, Color::nth(i), track)
+    })
 }
 
 /// Angle of the resonator over the time since the previous contact, contacts that push forwards and backwards

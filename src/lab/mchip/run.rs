@@ -161,7 +161,12 @@ impl Run {
         let end = (until_s / self.setup.step_s).round() as u64;
         let mut found = Vec::new();
         while self.steps < end && self.is_on_array() {
-            self.step(&mut found);
+            self.swing_on(self.steps as f64);
+            let Setup { part, step_s, .. } = &self.setup;
+            let accel_mps2 = self.force_n / part.mass_kg - Vector3::z() * GRAVITY_MPS2;
+            self.state.step(&accel_mps2, *step_s);
+            self.steps += 1;
+            self.collide(&mut found);
             if self.steps.is_multiple_of(sampling) {
                 let at_s = self.steps as f64 * self.setup.step_s;
                 self.samples.push(Sample { at_s, state: self.state });
@@ -176,15 +181,6 @@ impl Run {
         center_m.x - half_m.x > -PITCH_M[0]
             && center_m.x + half_m.x < LENGTH_M
             && self.height_m(&self.state) > -half_m.z
-    }
-
-    fn step(&mut self, found: &mut Vec<Contact>) {
-        self.swing_on(self.steps as f64);
-        let Setup { part, step_s, .. } = &self.setup;
-        let accel_mps2 = self.force_n / part.mass_kg - Vector3::z() * GRAVITY_MPS2;
-        self.state.step(&accel_mps2, *step_s);
-        self.steps += 1;
-        self.collide(found);
     }
 
     /// Resolves the contacts at the present time one after the other, in reverse order in every second step.
