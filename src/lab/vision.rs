@@ -7,7 +7,7 @@ use super::sweep::Progress;
 use super::{ExperimentResult, LabFault, LabRig};
 use upm_core::background::on_all_cores;
 use upm_scene::{Difficulty, Scene};
-use verdict_counts::VerdictCounts;
+use verdict_counts::{figures, notes};
 use verdicts::evaluate;
 
 /// Scenes of each difficulty by default.
@@ -31,12 +31,10 @@ pub fn vision_of(seed: u64, scenes: usize, progress: Progress<'_>) -> Experiment
     let all: Vec<(Difficulty, u64)> = Difficulty::ALL.into_iter().flat_map(scene).collect();
     let verdicts =
         on_all_cores(&all, progress, |&(difficulty, seed)| evaluate(difficulty, &Scene::generate(difficulty, seed)));
-    let counts = |(difficulty, verdicts): (_, &[_])| VerdictCounts { difficulty, verdicts: verdicts.to_vec() };
-    let tallies: Vec<VerdictCounts> =
-        Difficulty::ALL.into_iter().zip(verdicts.chunks(scenes.max(1))).map(counts).collect();
+    let by_difficulty = || Difficulty::ALL.into_iter().zip(verdicts.chunks(scenes.max(1)));
     ExperimentResult {
-        figures: tallies.iter().flat_map(VerdictCounts::figures).collect(),
-        notes: tallies.iter().flat_map(VerdictCounts::notes).collect(),
+        figures: by_difficulty().flat_map(|(difficulty, verdicts)| figures(difficulty, verdicts)).collect(),
+        notes: by_difficulty().flat_map(|(difficulty, verdicts)| notes(difficulty, verdicts)).collect(),
         ..ExperimentResult::default()
     }
 }

@@ -53,7 +53,6 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
         "error %",
         "band %",
     ];
-
     let same = (rows[1][2] / rows[0][2] - 1.0).abs();
     outcome.sheet = Some(DataSheet::new(columns, rows));
     outcome.figures.push(figure("critical speeds of two pegs, one twice as thick, apart by", same));
