@@ -8,15 +8,17 @@ use super::resonator::{Rotor, free_swing};
 
 /// Density of silicon, kg/m³.
 pub const SILICON_KGPM3: f64 = 2_330.0;
-/// Rows along the feed; row 0 is the paper's row 1. Resonators in a row.
+/// Rows along the feed. Row 0 is the paper's row 1.
 pub const ROWS: usize = 8;
+/// Resonators in a row.
 pub const COLUMNS: usize = 5;
 /// Length (along x), width (along y) and thickness of a slab, m.
 pub const SLAB_M: [f64; 3] = [280e-6, 180e-6, 5e-6];
 /// Distance between neighbouring slabs along x and along y, m. Not in the paper.
 const GAP_M: f64 = 10e-6;
-/// Distances between neighbouring axes along x and along y, m, and extent of the array along x, m.
+/// Distances between neighbouring axes along x and along y, m.
 pub const PITCH_M: [f64; 2] = [SLAB_M[0] + GAP_M, SLAB_M[1] + GAP_M];
+/// Extent of the array along x, m.
 pub const LENGTH_M: f64 = ROWS as f64 * PITCH_M[0];
 /// Shift of every second row along y, in column pitches: the interleaved tiling.
 const ROW_SHIFT: f64 = 0.5;

@@ -76,7 +76,6 @@ pub struct MotionJudgement {
 pub struct Mismatch {
     /// Norm of measured minus planned acceleration, all channels and harmonics, over that of the planned.
     pub relative: f64,
-
     /// The same difference in units of the tolerance; up to 1 the pulse is as planned.
     pub score: f64,
 }

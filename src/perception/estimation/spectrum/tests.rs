@@ -121,7 +121,6 @@ proptest! {
         let fit = fit_oscillator(BASE_RADPS, &force, &lines).unwrap();
         prop_assert!((fit.natural_radps / (TAU * natural_hz) - 1.0).abs() < 1e-3, "{fit:?}");
         prop_assert!((fit.damping_ratio - ratio).abs() < 1e-3, "{fit:?}");
-
     }
 }
 
