@@ -218,18 +218,14 @@ fn rig_for(experiment: &Experiment, args: &ExperimentArgs) -> Result<LabRig, Fai
     Ok(LabRig { model, sim, penny, seed: args.seed })
 }
 
-/// Request for the experiment according to the command line.
-fn request(args: &ExperimentArgs) -> Result<Request, Failure> {
-    let wrong = |option: &str, error: String| Failure::bad_input(format!("{option}: {error}"));
-    let assignments = args.set.iter().map(|text| assignment(text).map_err(|error| wrong("--set", error)));
-    let sweep = args.sweep.as_ref().map(|text| Sweep::parse(text).map_err(|error| wrong("--sweep", error)));
-    Ok(Request { assignments: assignments.collect::<Result<_, _>>()?, sweep: sweep.transpose()? })
-}
-
 /// Rig on which the experiment called `name` was run, and its result.
 fn measure(name: &str, cli: &Cli) -> Result<(String, ExperimentResult), Failure> {
     let args = &cli.experiment;
-    let (experiment, request) = (named(name)?, request(args)?);
+    let experiment = named(name)?;
+    let wrong = |option: &str, error: String| Failure::bad_input(format!("{option}: {error}"));
+    let assignments = args.set.iter().map(|text| assignment(text).map_err(|error| wrong("--set", error)));
+    let sweep = args.sweep.as_ref().map(|text| Sweep::parse(text).map_err(|error| wrong("--sweep", error)));
+    let request = Request { assignments: assignments.collect::<Result<_, _>>()?, sweep: sweep.transpose()? };
     let rig = rig_for(experiment, args)?;
     let outcome = with_progress(cli.quiet, experiment.about, |show| match args.scenes {
         Some(scenes) => Ok(vision_of(rig.seed, scenes as usize, show)),

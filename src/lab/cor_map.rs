@@ -5,7 +5,7 @@ use super::sweep::Progress;
 use super::texts::figures;
 use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_core::background::on_all_cores;
-use upm_core::geometry::{Twist, Vec2};
+use upm_core::geometry::Twist;
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::nearest_pump;
 use upm_planning::cor_library::Entry;
@@ -13,11 +13,8 @@ use upm_planning::cor_library::Entry;
 /// Centres farther than this many half sides count as translations, as in `upm check`.
 const FARTHEST: f64 = 20.0;
 
-/// A motion as read by calibration, and the true one.
-struct ReadCenter {
-    read: Twist,
-    truth: Twist,
-}
+/// Radius at which spin is weighted like velocity, m.
+const REACH_M: f64 = 0.1;
 
 /// The centres of rotation of a whole library (UPM paper, sections 3.2 and 4.1): calibration steers them over and
 /// around the plate and reads each through the accelerometers; the simulated plate gives the true ones.
@@ -27,37 +24,38 @@ struct ReadCenter {
 /// [`LabFault::Rig`] when calibration refuses the rig.
 pub fn cor_map(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let mut plate = BarePlate::new(lab);
-    let (axes, entries) = plate.steer()?;
+    let (axes, entries) = plate.calibrated(|session, params| session.steer(params))?;
     let envelope = envelope(lab, 0.1);
     let arm_m = lab.model.accelerometer_in_plate_m.norm();
     let read = |entry: &Entry| {
         let drive = lab.drive_around(lab.model.motor_arrangement.turned(entry.amplitudes), &axes.shapes, envelope);
-        ReadCenter { read: entry.pump, truth: nearest_pump(&steady_motion(lab, &drive), arm_m).0 }
+        [entry.pump, nearest_pump(&steady_motion(lab, &drive), arm_m).0]
     };
-    let read: Vec<ReadCenter> = on_all_cores(&entries, progress, read);
+    let read = on_all_cores(&entries, progress, read);
     let half_side_m = 0.5 * lab.model.plate_side_m;
     Ok(ExperimentResult { figures: figures_of(&read, half_side_m).into(), ..ExperimentResult::default() })
 }
 
-/// Measured and true centres, where both are nearer than [`FARTHEST`].
-fn centers(read: &[ReadCenter], half_side_m: f64) -> impl Iterator<Item = (Vec2, Vec2)> + '_ {
-    read.iter().filter_map(move |motion| {
-        let (read, truth) = (motion.read.center_of_rotation()?, motion.truth.center_of_rotation()?);
+/// Figures of the motions as calibration reads them, each beside the true one.
+fn figures_of(read: &[[Twist; 2]], half_side_m: f64) -> [Figure; 9] {
+    let centers = read.iter().filter_map(|[read, truth]| {
+        let (read, truth) = (read.center_of_rotation()?, truth.center_of_rotation()?);
         (truth.norm() < FARTHEST * half_side_m).then_some((read, truth))
-    })
-}
-
-fn figures_of(read: &[ReadCenter], half_side_m: f64) -> [Figure; 9] {
-    let (inside, outside): (Vec<_>, Vec<_>) =
-        centers(read, half_side_m).partition(|(_, truth)| truth.amax() <= half_side_m);
+    });
+    let (inside, outside): (Vec<_>, Vec<_>) = centers.partition(|(_, truth)| truth.amax() <= half_side_m);
     let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
     let misses_mm: Vec<f64> = inside.iter().map(|(read, truth)| mm_from_m((read - truth).norm())).collect();
     let shares: Vec<f64> = outside.iter().map(|(read, truth)| 100.0 * (read - truth).norm() / truth.norm()).collect();
     let translations = read.len() - inside.len() - outside.len();
-    let wrong = read.iter().filter(|m| is_wrong_way(m)).count();
-    let turned_deg = |motion: &ReadCenter| motion.read.velocity_mps.angle(&motion.truth.velocity_mps).to_degrees();
-    let is_straight = |motion: &&ReadCenter| {
-        motion.truth.center_of_rotation().is_none_or(|center| center.norm() >= FARTHEST * half_side_m)
+    // the motion that was read would send parts backwards
+    let is_wrong_way = |[read, truth]: &&[Twist; 2]| {
+        let along = read.velocity_mps.dot(&truth.velocity_mps) + read.spin_radps * truth.spin_radps * REACH_M * REACH_M;
+        along <= 0.0
+    };
+    let wrong = read.iter().filter(is_wrong_way).count();
+    let turned_deg = |[read, truth]: &[Twist; 2]| read.velocity_mps.angle(&truth.velocity_mps).to_degrees();
+    let is_straight = |[_, truth]: &&[Twist; 2]| {
+        truth.center_of_rotation().is_none_or(|center| center.norm() >= FARTHEST * half_side_m)
     };
     let turned_deg: Vec<f64> = read.iter().filter(is_straight).map(turned_deg).collect();
     figures([
@@ -71,15 +69,6 @@ fn figures_of(read: &[ReadCenter], half_side_m: f64) -> [Figure; 9] {
         ("direction of translations, worst", largest(&turned_deg)),
         ("wrong way round", wrong as f64),
     ])
-}
-
-/// True when the measured motion would send parts backwards.
-fn is_wrong_way(motion: &ReadCenter) -> bool {
-    /// Radius at which spin is weighted like velocity, m.
-    const REACH_M: f64 = 0.1;
-    let ReadCenter { read, truth } = motion;
-    let along = read.velocity_mps.dot(&truth.velocity_mps) + read.spin_radps * truth.spin_radps * REACH_M * REACH_M;
-    along <= 0.0
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
-mod axes;
 mod rows;
 
-use self::rows::{ROWS, ReadRow, Reads, compares_with_paper, eq_15, read_rows};
+use self::rows::{ROWS, ReadRow, Reads, TableRow, compares_with_paper, eq_15, kappa_m, read_rows};
+use super::numerics::line_through;
 use super::pulses::mm;
 use super::sweep::Progress;
 use super::texts::figure;
@@ -9,6 +9,10 @@ use super::{ExperimentResult, Figure, LabFault, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::units::{INCH_M, mm_from_m};
+
+/// The paper's step of amplitude, in its units of 128, and the sum `S` of the amplitudes in every row.
+const STEP: f64 = 2.0;
+const SUM: f64 = 4.0;
 
 /// Table 1 of the UPM paper (section 4.1): amplitudes step the centre of rotation over the plate, and the
 /// accelerometers measure it. The paper's amplitudes are sent to the motors through the whole chain, all scaled alike
@@ -23,16 +27,19 @@ pub fn cor_steering(lab: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, L
     let (found_m, plain_m) = (centers(&compensated), centers(&plain));
     let expected_m = ROWS.each_ref().map(|row| eq_15(lab, row));
     let mut figures = figures(lab, &found_m, &plain_m, &expected_m, unit);
-    figures.extend(axes::figures(lab, &found_m)?);
+    figures.extend(axis_figures(lab, &found_m)?);
     let off_m = compensated.iter().map(|read| read.vectors.off_m(read.center_m)).fold(0.0, f64::max);
     figures.push(figure("COR off the perpendiculars, largest", off_m / INCH_M));
     let charts = vec![chart(lab, &found_m, &plain_m, &expected_m)];
     Ok(ExperimentResult { figures, charts, ..ExperimentResult::default() })
 }
 
+/// Source of a figure of Eq. 15, with the paper's own where the rig compares with it.
+fn source(lab: &LabRig, paper: &str) -> String {
+    if compares_with_paper(lab) { format!("Eq. 15; {paper}") } else { "Eq. 15".to_owned() }
+}
+
 fn figures(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2], unit: i32) -> Vec<Figure> {
-    let as_paper = compares_with_paper(lab);
-    let source = |paper: String| if as_paper { format!("Eq. 15; {paper}") } else { "Eq. 15".to_owned() };
     let inches = |m: f64| m / INCH_M;
     let mut figures = Vec::new();
     for ((row, found), expected) in ROWS.iter().zip(found_m).zip(expected_m) {
@@ -40,14 +47,14 @@ fn figures(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]
         for (axis, found, expected, paper) in [("x", found.x, expected.x, paper_x), ("y", found.y, expected.y, paper_y)]
         {
             let name = format!("row {} ({x1}, {x2}, {y1}, {y2}): COR along {axis}", row.name);
-            let source = source(format!("the paper read {paper}"));
+            let source = source(lab, &format!("the paper read {paper}"));
             figures.push(Figure::against(name, "in", inches(found), inches(expected), &source));
         }
     }
     for (i, pair) in found_m.windows(2).enumerate() {
         let expected = (expected_m[i + 1] - expected_m[i]).norm();
         let name = format!("step {} to {}", ROWS[i].name, ROWS[i + 1].name);
-        let source = source("the paper's Table 1 has 2.48 to 3.14".to_owned());
+        let source = source(lab, "the paper's Table 1 has 2.48 to 3.14");
         figures.push(Figure::against(name, "in", inches((pair[1] - pair[0]).norm()), inches(expected), &source));
     }
     let worst = |read: &[Vec2]| read.iter().zip(expected_m).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
@@ -57,6 +64,53 @@ fn figures(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]
         figure("amplitude unit sent", f64::from(unit)),
     ]);
     figures
+}
+
+/// Steps of centres at one row each along y and x over a step of `X1 - X2` and of `Y2 - Y1`, by least squares.
+fn steps(centers: &[Vec2]) -> [f64; 2] {
+    let slope = |of: fn([i32; 4]) -> i32, axis: usize| {
+        let point = |(row, center): (&TableRow, &Vec2)| [f64::from(of(row.amplitudes)), center[axis]];
+        STEP * line_through(&ROWS.iter().zip(centers).map(point).collect::<Vec<_>>())[1]
+    };
+    [slope(|[x1, x2, ..]| x1 - x2, 1), slope(|[.., y1, y2]| y2 - y1, 0)]
+}
+
+/// Steps along both axes, compared with Eq. 15, which gives the same for both, and with the paper's, which differ by an
+/// eighth; and those of this rig with the ratio of its pairs of coils that would explain the paper's, without
+/// pre-compensation.
+///
+/// # Errors
+///
+/// Those of the experiment itself.
+fn axis_figures(lab: &LabRig, found_m: &[Vec2]) -> Result<Vec<Figure>, LabFault> {
+    let expected_in = STEP / SUM * kappa_m(lab) / INCH_M;
+    let [y_in, x_in] = steps(found_m).map(|step_m| step_m / INCH_M);
+    let paper = steps(&ROWS.each_ref().map(|row| Vec2::new(row.read_in[1], row.read_in[0])));
+    let source = |paper: f64| source(lab, &format!("the paper's rows: {paper:.2}"));
+    let mut figures = vec![
+        Figure::against("axis y: step by 256 of X1 - X2", "in", y_in, expected_in, &source(paper[0])),
+        Figure::against("axis x: step by 256 of Y2 - Y1", "in", x_in, expected_in, &source(paper[1])),
+    ];
+    if compares_with_paper(lab) {
+        let ratio = paper[0] / paper[1];
+        let plain_m: Vec<Vec2> =
+            read_rows(&with_stronger_x(lab, ratio))?.plain.iter().map(|read| read.center_m).collect();
+        let [y_m, x_m] = steps(&plain_m);
+        let name = "axis y over axis x, X coils stronger";
+        let source = format!("the paper's rows; X coils {:.0} % above Y, none compensated", 100.0 * (ratio - 1.0));
+        figures.push(Figure::against(name, "1", y_m / x_m, ratio, &source));
+    }
+    Ok(figures)
+}
+
+/// The rig with its X coils `ratio` times as strong as its Y coils, their mean kept.
+fn with_stronger_x(lab: &LabRig, ratio: f64) -> LabRig {
+    let mut lab = lab.clone();
+    let (x, y) = (2.0 * ratio / (1.0 + ratio), 2.0 / (1.0 + ratio));
+    for (gain_error, factor) in lab.sim.motors.gain_error.iter_mut().zip([x, x, y, y]) {
+        *gain_error = (1.0 + *gain_error) * factor - 1.0;
+    }
+    lab
 }
 
 fn chart(lab: &LabRig, found_m: &[Vec2], plain_m: &[Vec2], expected_m: &[Vec2]) -> Chart {
@@ -131,5 +185,17 @@ mod tests {
         lab.sim.accelerometers.range_mps2 = 2.0;
         let fault = cor_steering(&lab, &|_| ()).unwrap_err().to_string();
         assert!(fault.contains("clipped"), "{fault}");
+    }
+
+    #[test]
+    fn papers_axes_differ_by_an_eighth_and_a_stronger_pair_of_coils_makes_the_same() {
+        let lab = lab_rig("upm-1");
+        let found_m: Vec<Vec2> = read_rows(&lab).unwrap().compensated.iter().map(|read| read.center_m).collect();
+        let figures = axis_figures(&lab, &found_m).unwrap();
+        for figure in &figures {
+            assert!(figure.relative_error().unwrap().abs() < 0.05, "{figure:?}");
+        }
+        let ratio = figures[2].reference.unwrap();
+        assert!((1.1..1.15).contains(&ratio), "{ratio}");
     }
 }

@@ -20,12 +20,10 @@ pub struct Experiment {
 /// Where an experiment runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// On the simulated plate of a rig.
+    /// On the simulated plate of a rig, or in rendered scenes.
     Plate,
     /// The same, by default of the strong prototype: the motors of the weak one saturate.
     StrongPlate,
-    /// In rendered scenes.
-    Scenes,
     /// On a machine of its own module.
     Machine,
 }
@@ -143,7 +141,7 @@ pub const EXPERIMENTS: &[Experiment] = experiments! {
     StrongPlate, "race-track", race_track, PART, "snapshots of three coins on one rotation field";
     StrongPlate, "two-parts", two_parts, PART, "two coins, four centres of rotation: the error of one large step and of several";
     Plate, "cor-map", cor_map, BARE, "every centre of a calibrated library, as read and as it truly is";
-    Scenes, VISION, vision, NONE, "vision on rendered pictures with ground truth, easy and hard";
+    Plate, VISION, vision, NONE, "vision on rendered pictures with ground truth, easy and hard";
     Machine, "feeder", feeder, Feeder, "a plate shaken along one line: feed rate against duty and against an external force";
     Machine, "mchip", mchip, MChip, "a part on an array of resonators, impact by impact: jams, strobing, duty, sweeps (a minute)";
     Machine, "topple", topple, Topple, "a part slides against a low ledge: the speed that topples it, trials, ledges that orient a batch";

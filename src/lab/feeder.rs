@@ -7,8 +7,7 @@ mod part;
 mod plate;
 mod published;
 
-use self::part::Sliding;
-use self::part::{quasi_static_mps, viscosity_nspm};
+use self::part::{Sliding, quasi_static_mps, viscosity_nspm};
 use self::plate::PlateCycle;
 pub use self::published::reproduce;
 use super::settings::{Field, Setting, settings};
@@ -48,36 +47,30 @@ impl Feeder {
     fn sliding(&self) -> Sliding {
         Sliding { drag_mps2: self.friction * GRAVITY_MPS2, push_mps2: self.force_n / self.mass_kg }
     }
-
-    /// Rejects feeders outside the model: a part that sticks to the plate, or one that a force carries away.
-    fn check(&self) -> Result<(), LabFault> {
-        let Sliding { drag_mps2, push_mps2 } = self.sliding();
-        if self.plate.accel_mps2 <= drag_mps2 {
-            return Err(LabFault::Setting(format!(
-                "accel_mps2: expected more than {drag_mps2:.3} (friction times gravity), found {}: the part sticks",
-                self.plate.accel_mps2
-            )));
-        }
-        if push_mps2.abs() >= drag_mps2 {
-            return Err(LabFault::Setting(format!(
-                "force_dyn: expected less than {:.3} (friction times weight), found {:.3}: the force carries the part away",
-                drag_mps2 * self.mass_kg / DYN_N,
-                self.force_n / DYN_N
-            )));
-        }
-        Ok(())
-    }
 }
 
 /// The feed rate of one feeder, compared with the closed form where there is one.
 ///
 /// # Errors
 ///
-/// A feeder outside the model.
+/// A feeder outside the model: a part that sticks to the plate, or one that a force carries away.
 pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
-    feeder.check()?;
     let Feeder { plate, friction, mass_kg, force_n } = *feeder;
     let sliding = feeder.sliding();
+    let Sliding { drag_mps2, push_mps2 } = sliding;
+    if plate.accel_mps2 <= drag_mps2 {
+        return Err(LabFault::Setting(format!(
+            "accel_mps2: expected more than {drag_mps2:.3} (friction times gravity), found {}: the part sticks",
+            plate.accel_mps2
+        )));
+    }
+    if push_mps2.abs() >= drag_mps2 {
+        return Err(LabFault::Setting(format!(
+            "force_dyn: expected less than {:.3} (friction times weight), found {:.3}: the force carries the part away",
+            drag_mps2 * mass_kg / DYN_N,
+            force_n / DYN_N
+        )));
+    }
     let cycle = sliding.settled(&plate)?;
     let rate_mps = cycle.way_m / plate.period_s;
     let viscosity = viscosity_nspm(&plate, friction, mass_kg);

@@ -43,7 +43,10 @@ pub fn force_curve(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, La
     general_wave::report(rig, &mut outcome);
     report_approach(rig, &mut outcome);
     disc_friction::report(&mut outcome);
-    report_rig(rig, &mut outcome);
+    let threshold = sliding_threshold(rig.penny, rig.model.base_radps, rig.sim.step_s);
+    let slides = figure("plate acceleration A w from which this rig's part slides", threshold);
+    outcome.figures.push(slides.with(Some(1.0 / coulomb_pump::peak_acceleration())));
+    outcome.notes.push("figures in units of μ m g, μ g, f0, A or 1 do not depend on friction and base_hz".into());
     Ok(outcome)
 }
 
@@ -92,7 +95,7 @@ impl Approach {
     fn of(line: &PumpedLine, part: PartParams, rate_hz: f64) -> Self {
         let duration_s = APPROACH / (2.0 * coulomb_pump::mean_force(0.0) * rate_hz);
         let cycles = (duration_s / line.cycle_s()).ceil() as u32;
-        let speed_mps = line.speeds(part, 0.0, cycles);
+        let speed_mps: Vec<f64> = line.states(part, 0.0, cycles).into_iter().map(|[_, speed_mps]| speed_mps).collect();
         let exact = coulomb_pump::speeds(line.cycle_s() * rate_hz, speed_mps.len());
         let exact_mps = exact.into_iter().map(|u| u * line.amplitude_mps).collect();
         let t_s = (0..=cycles).map(|i| f64::from(i) * line.cycle_s()).collect();
@@ -158,14 +161,6 @@ fn approach_chart(approach: &Approach, k2: f64) -> Chart {
         .dashes("viscous belt (Eq. 20)", Color::Gray, mm(&exponential))
         .line("closed-form force, integrated", Color::Blue, mm(&approach.exact_mps))
         .dots("simulated", Color::Orange, dots)
-}
-
-/// Adds the acceleration of the plate from which this rig's part slides.
-fn report_rig(rig: &LabRig, outcome: &mut ExperimentResult) {
-    let threshold = sliding_threshold(rig.penny, rig.model.base_radps, rig.sim.step_s);
-    let slides = figure("plate acceleration A w from which this rig's part slides", threshold);
-    outcome.figures.push(slides.with(Some(1.0 / coulomb_pump::peak_acceleration())));
-    outcome.notes.push("figures in units of μ m g, μ g, f0, A or 1 do not depend on friction and base_hz".into());
 }
 
 #[cfg(test)]

@@ -57,18 +57,15 @@ pub struct LabRig {
 }
 
 impl LabRig {
-    /// The plate's resonances from the rig's file: those that calibration would find.
-    fn plate_response(&self) -> PlateResponse {
-        PlateResponse {
-            natural_radps: self.sim.plate.resonance_hz.map(|hz| std::f64::consts::TAU * hz),
-            damping_ratio: self.sim.plate.damping_ratio,
-        }
-    }
-
     /// The drive of amplitudes (counts) that the papers give for motors around the plate (Fig. 4a).
     fn drive_around(&self, amplitudes: [i32; 4], shapes: &[AxisShape; 3], envelope: Envelope) -> Drive {
         let (arrangement, base_radps) = (self.model.motor_arrangement, self.model.base_radps);
-        drive_for(arrangement, arrangement.turned(amplitudes), shapes, &self.plate_response(), base_radps, envelope)
+        // the resonances from the rig's file: those that calibration would find
+        let response = PlateResponse {
+            natural_radps: self.sim.plate.resonance_hz.map(|hz| std::f64::consts::TAU * hz),
+            damping_ratio: self.sim.plate.damping_ratio,
+        };
+        drive_for(arrangement, arrangement.turned(amplitudes), shapes, &response, base_radps, envelope)
     }
 }
 

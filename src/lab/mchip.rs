@@ -25,7 +25,7 @@ use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
 use super::texts::{chart, figures};
 use super::{ExperimentResult, Figure, LabFault};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
 
@@ -76,19 +76,6 @@ impl MChip {
     pub fn published() -> Self {
         Self { job: BatchJob::published(ResonatorDrive::plain(), 0.2), starts: 4, seed: 1 }
     }
-
-    /// Rejects an array whose ridge has no room for its rim, or whose rim is higher than the ridge.
-    fn check(&self) -> Result<(), LabFault> {
-        let &Device { ridge_height_m, rim_radius_m, .. } = &self.job.setup.device;
-        if rim_radius_m > 0.5 * ridge_height_m {
-            return Err(LabFault::Setting(format!(
-                "rim_um: expected at most {:.3} (half of the ridge's height), found {}",
-                1e6 * 0.5 * ridge_height_m,
-                1e6 * rim_radius_m
-            )));
-        }
-        Ok(())
-    }
 }
 
 /// Rate, jams, impacts, energies and height of one array.
@@ -96,8 +83,15 @@ impl MChip {
 /// # Errors
 /// A rim that does not fit its ridge.
 pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
-    chip.check()?;
     let &MChip { job, starts, seed } = chip;
+    let Device { ridge_height_m, rim_radius_m, .. } = job.setup.device;
+    if rim_radius_m > 0.5 * ridge_height_m {
+        return Err(LabFault::Setting(format!(
+            "rim_um: expected at most {:.3} (half of the ridge's height), found {}",
+            1e6 * 0.5 * ridge_height_m,
+            1e6 * rim_radius_m
+        )));
+    }
     let streams = Streams::new(seed.into());
     let mut batch = Batch::default();
     batch.add("", starts.into(), job);
@@ -133,14 +127,13 @@ fn figures_of(summaries: &[Summary]) -> [Figure; 12] {
 
 /// Displacement of the part over time.
 fn track_chart(name: &str, runs: &[(&str, &Run)]) -> Chart {
-    let layer = |(i, (label, run)): (usize, &(&str, &Run))| {
+    runs.iter().enumerate().fold(chart(name), |chart, (i, (label, run))| {
         let start_m = run.samples.first().map_or(0.0, |sample| sample.state.center_m.x);
         let stride = run.samples.len().div_ceil(DRAWN).max(1);
         let samples = run.samples.iter().step_by(stride);
         let track = samples.map(|sample| [sample.at_s, mm_from_m(sample.state.center_m.x - start_m)]);
-        Layer::new(label, Mark::Line, Color::nth(i), track)
-    };
-    chart(name).with(runs.iter().enumerate().map(layer))
+        chart.line(label, Color::nth(i), track)
+    })
 }
 
 /// Angle of the resonator over the time since the previous contact, contacts that push forwards and backwards

@@ -160,19 +160,19 @@ fn figures(bench: &PivotSetup<'_>, rows: &[PlayedPulse], plate: &str) -> [Figure
     };
     let of = |row: Option<&PlayedPulse>, value: &dyn Fn(&PlayedPulse) -> f64| row.map_or(f64::NAN, value);
     let length_ms = |row: &PlayedPulse| 1e3 * row.length_s();
-    let alone = |name: &str, unit: &str, value: f64, source: &str| Figure::alone(name, unit, value, source);
+
     let found_mm = |row: &PlayedPulse| mm_from_m(row.found_m());
     let law = format!("½ f0 (1 + f0) μ g is {:.4}; S with attack and decay", bench.law_mps2());
     let averaged_mm = of(last, &|row| mm_from_m(row.averaged_m));
     let integrated = format!("Eq. 18 integrated over the envelope: {averaged_mm:.2}");
     let figures = [
         figure("{}: speed A under the part", bench.amplitude_mps()),
-        alone("{}: displacement over S², largest", "m/s²", largest, &law),
+        Figure::alone("{}: displacement over S², largest", "m/s²", largest, &law),
         figure("{}: within 10 % of that from S", of(from, &length_ms)),
-        alone("{}: within 10 % of that up to S", "ms", of(to, &length_ms), ends),
+        Figure::alone("{}: within 10 % of that up to S", "ms", of(to, &length_ms), ends),
         figure("{}: speed gained there, over A/2", of(to, &gained)),
         figure("{}: displacement there", of(to, &found_mm)),
-        alone("{}: displacement by the longest pulse", "mm", of(last, &found_mm), &integrated),
+        Figure::alone("{}: displacement by the longest pulse", "mm", of(last, &found_mm), &integrated),
     ];
     figures.map(|figure| figure.of(plate))
 }

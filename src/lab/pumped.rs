@@ -33,34 +33,13 @@ pub(super) struct PumpedLine {
     pub steps: u32,
 }
 
-/// A part on the plate, and the plate's motion in the middle of every step of a cycle.
-struct PumpedPart {
-    parts: Parts,
-    cycle: Vec<PlateMotion>,
-}
-
-impl PumpedPart {
-    /// Plays `cycles` cycles.
-    fn play(&mut self, cycles: u32) {
-        for motion in (0..cycles).flat_map(|_| &self.cycle) {
-            self.parts.step(motion);
-        }
-    }
-
-    /// Place, m, and speed, m/s, of the part.
-    fn state(&self) -> [f64; 2] {
-        let part = self.parts.motions().next();
-        part.map_or([f64::NAN; 2], |part| [part.part_in_table.position_m.x, part.velocity_mps.x])
-    }
-}
-
 impl PumpedLine {
     pub fn cycle_s(&self) -> f64 {
         TAU / self.base_radps
     }
 
-    /// `part` on the plate, at `speed_mps`.
-    fn part(&self, part: PartParams, speed_mps: f64) -> PumpedPart {
+    /// `part` on the plate, at `speed_mps`, and the plate's motion in the middle of every step of a cycle.
+    fn part(&self, part: PartParams, speed_mps: f64) -> (Parts, Vec<PlateMotion>) {
         let along = |share: f64| Twist::new(share * self.amplitude_mps, 0.0, 0.0);
         let harmonic = |[cos, sin]: [f64; 2]| TwistHarmonic { cos: along(cos), sin: along(sin) };
         let harmonics = vec![harmonic([1.0, 0.0]), harmonic(self.second)];
@@ -70,32 +49,32 @@ impl PumpedLine {
         let motion = |step: u32| PlateMotion { twist: wave.at((f64::from(step) + 0.5) * step_s), ..Default::default() };
         let mut parts = Parts::new(&[(part, Pose::IDENTITY)], &contact, SIDE_M, step_s);
         parts.push(0, Vec2::new(speed_mps, 0.0), 0.0);
-        PumpedPart { parts, cycle: (0..self.steps).map(motion).collect() }
+        (parts, (0..self.steps).map(motion).collect())
     }
 
-    /// Speed of `part`, which starts at `from_mps`, after each of `cycles` cycles, m/s; the start comes first.
-    pub fn speeds(&self, part: PartParams, from_mps: f64, cycles: u32) -> Vec<f64> {
-        let mut pumped = self.part(part, from_mps);
+    /// Place, m, and speed, m/s, of `part` after each of `cycles` cycles; its start, at 0 with `from_mps`, comes first.
+    pub fn states(&self, part: PartParams, from_mps: f64, cycles: u32) -> Vec<[f64; 2]> {
+        let (mut parts, cycle) = self.part(part, from_mps);
         let after_a_cycle = |_| {
-            pumped.play(1);
-            pumped.state()[1]
+            for motion in &cycle {
+                parts.step(motion);
+            }
+            let part = parts.motions().next();
+            part.map_or([f64::NAN; 2], |part| [part.part_in_table.position_m.x, part.velocity_mps.x])
         };
-        std::iter::once(from_mps).chain((0..cycles).map(after_a_cycle)).collect()
+        std::iter::once([0.0, from_mps]).chain((0..cycles).map(after_a_cycle)).collect()
     }
 
     /// Mean force over one cycle, in units of μ m g, on a part that moves at `speed_mps`.
     pub fn mean_force(&self, part: PartParams, speed_mps: f64) -> f64 {
-        let gained_mps = self.speeds(part, speed_mps, 1)[1] - speed_mps;
+        let gained_mps = self.states(part, speed_mps, 1)[1][1] - speed_mps;
         gained_mps / (part.friction * GRAVITY_MPS2 * self.cycle_s())
     }
 
     /// Mean speed of `part` from rest over `cycles` cycles after `settling` others, m/s.
     pub fn carried_mps(&self, part: PartParams, settling: u32, cycles: u32) -> f64 {
-        let mut pumped = self.part(part, 0.0);
-        let [settled_m, later_m] = [settling, cycles].map(|cycles| {
-            pumped.play(cycles);
-            pumped.state()[0]
-        });
+        let states = self.states(part, 0.0, settling + cycles);
+        let [settled_m, later_m] = [settling, settling + cycles].map(|cycle| states[cycle as usize][0]);
         (later_m - settled_m) / (f64::from(cycles) * self.cycle_s())
     }
 
@@ -110,8 +89,8 @@ impl PumpedLine {
     /// True when `part`, initially at rest on the plate, slips within two cycles.
     fn slides(&self, part: PartParams) -> bool {
         let plate_mps = |motion: &PlateMotion| motion.twist.velocity_mps.x;
-        let start_mps = self.part(part, 0.0).cycle.first().map_or(0.0, plate_mps);
-        let PumpedPart { mut parts, cycle } = self.part(part, start_mps);
+        let start_mps = self.part(part, 0.0).1.first().map_or(0.0, plate_mps);
+        let (mut parts, cycle) = self.part(part, start_mps);
         cycle.iter().chain(&cycle).any(|motion| {
             parts.step(motion);
             parts.motions().any(|part| (part.velocity_mps.x - plate_mps(motion)).abs() > STUCK_MPS)

@@ -32,8 +32,6 @@ const MOST_PULSES: usize = 4096;
 /// The field and the starting positions of the coins.
 struct RaceCourse {
     cor_m: Vec2,
-    half_side_m: f64,
-    coin_radius_m: f64,
     starts_m: [Vec2; 3],
     spin_radps: f64,
     pulse: OpenPulse,
@@ -43,8 +41,8 @@ struct RaceCourse {
 
 impl RaceCourse {
     fn on(rig: &LabRig) -> Result<Self, LabFault> {
-        let (half_side_m, coin_radius_m) = (0.5 * rig.sim.plate.side_m, rig.penny.radius_m);
-        let inset_m = half_side_m - coin_radius_m - EDGE_M;
+        let coin_radius_m = rig.penny.radius_m;
+        let inset_m = 0.5 * rig.sim.plate.side_m - coin_radius_m - EDGE_M;
         let cor_m = Vec2::new(-inset_m, -inset_m);
         let lane_m = 2.0 * inset_m * (LANES[1] - LANES[0]);
         if lane_m <= 2.0 * coin_radius_m {
@@ -59,18 +57,11 @@ impl RaceCourse {
         let envelope = calm_envelope(rig, PlateMode::Dynamic, SUSTAINED_PERIODS * TAU / rig.model.base_radps);
         Ok(Self {
             cor_m,
-            half_side_m,
-            coin_radius_m,
             starts_m: LANES.map(|lane| cor_m + Vec2::new(2.0 * inset_m * lane, 0.0)),
             spin_radps,
             pulse: OpenPulse::about(cor_m, spin_radps, envelope),
             pulse_s: (envelope.total_s() / rig.sim.step_s).round() * rig.sim.step_s,
         })
-    }
-
-    fn play(&self, rig: &LabRig, pulses: usize) -> Result<Played, LabFault> {
-        let pulses = vec![self.pulse.clone(); pulses];
-        play(rig, PlateMode::Dynamic, &self.starts_m, &pulses, SERIES_HZ * FINER as f64)
     }
 
     /// The last sample before `pulses` pulses and their rests are over.
@@ -111,7 +102,8 @@ impl Race {
         let course = RaceCourse::on(rig)?;
         let mut tried = FIRST_PULSES;
         while tried <= MOST_PULSES {
-            let played = course.play(rig, tried)?;
+            let pulses = vec![course.pulse.clone(); tried];
+            let played = play(rig, PlateMode::Dynamic, &course.starts_m, &pulses, SERIES_HZ * FINER as f64)?;
             let pulses = (1..=tried).take_while(|&k| course.all_in_quarter(&played, k)).last().unwrap_or(0);
             if pulses == 0 {
                 return Err(LabFault::Rig("one pulse carries a coin out of its quarter of a turn".to_owned()));
@@ -128,10 +120,10 @@ impl Race {
     }
 
     /// The smallest gap between two rims at any time, m.
-    fn least_gap_m(&self) -> f64 {
+    fn least_gap_m(&self, coin_radius_m: f64) -> f64 {
         let gaps = [(0, 1), (0, 2), (1, 2)].into_iter().flat_map(|(a, b)| {
             let together = self.ways_m[a].iter().zip(&self.ways_m[b]);
-            together.map(|(a, b)| (a - b).norm() - 2.0 * self.course.coin_radius_m)
+            together.map(move |(a, b)| (a - b).norm() - 2.0 * coin_radius_m)
         });
         gaps.fold(f64::INFINITY, f64::min)
     }
@@ -147,7 +139,7 @@ impl Race {
 /// give no valid pulse.
 pub fn race_track(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let race = Race::run(rig)?;
-    let charts = vec![map(&race)];
+    let charts = vec![map(rig, &race)];
     Ok(ExperimentResult { figures: figures_of(rig, &race), charts, ..ExperimentResult::default() })
 }
 
@@ -157,7 +149,7 @@ fn figures_of(rig: &LabRig, race: &Race) -> Vec<Figure> {
         ("amplitude of spin", spin_radps),
         ("pulses", race.pulses as f64),
         ("plate time", race.end_s),
-        ("least gap between rims", 1e3 * race.least_gap_m()),
+        ("least gap between rims", 1e3 * race.least_gap_m(rig.penny.radius_m)),
     ])
     .to_vec();
     let laps: Vec<(f64, f64)> = race.ways_m.iter().map(|way_m| lap(way_m, course.cor_m)).collect();
@@ -183,10 +175,10 @@ fn figures_of(rig: &LabRig, race: &Race) -> Vec<Figure> {
     found
 }
 
-fn map(race: &Race) -> Chart {
+fn map(rig: &LabRig, race: &Race) -> Chart {
     let course = &race.course;
     let mut layers = vec![
-        Layer::plate(1e3 * course.half_side_m),
+        Layer::plate(1e3 * (0.5 * rig.sim.plate.side_m)),
         Layer::new("centre of rotation", Mark::Crosses, Color::Red, [mm(course.cor_m)]),
     ];
     for (i, way_m) in race.ways_m.iter().enumerate() {
@@ -195,7 +187,7 @@ fn map(race: &Race) -> Chart {
         // the start and thirds of the pulses, each at rest
         let samples = (0..SNAPSHOTS).map(|k| course.sample_after(k * race.pulses / (SNAPSHOTS - 1)));
         let seen = samples.filter_map(|sample| way_m.get(sample)).map(|place| mm(*place));
-        let circles = Mark::Circles { radius: 1e3 * course.coin_radius_m };
+        let circles = Mark::Circles { radius: 1e3 * rig.penny.radius_m };
         layers.push(Layer::new(NAMES[i], circles, Color::nth(i), seen));
     }
     Chart::plate_map("race-track", "Three coins on one rotation field, four snapshots", None, layers)

@@ -47,7 +47,7 @@ fn figures_of(fit: &TwistFit) -> Vec<Figure> {
         ("spin amplitude", fit.pump.spin_radps),
         ("second over first harmonic", fit.quality.harmonic_ratio),
         ("phase of the second harmonic", fit.quality.harmonic_phase_rad.to_degrees()),
-        ("residual rms", fit.residual_rms_mps2),
+        ("residual rms", fit.motion.residual_rms_mps2),
     ]));
     for (name, coefficients) in CHANNEL_NAMES.iter().zip(&fit.accel_mps2) {
         for (wave, value) in ["cos wt", "sin wt", "cos 2wt", "sin 2wt"].iter().zip(coefficients) {

@@ -19,7 +19,7 @@ use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
 use super::texts::{chart, figures};
 use super::{ExperimentResult, Figure, LabFault};
-use upm_chart::{Chart, Color, Layer, Mark};
+use upm_chart::{Chart, Color};
 use upm_core::units::mm_from_m;
 
 /// A block, its intended orbit, and its initial tilt.
@@ -165,13 +165,14 @@ fn fate_figures(rock: &Rock, motion: &Motion) -> [Figure; 6] {
 }
 
 fn track_chart(name: &str, motions: &[(&str, &Motion)], level_rad: Option<f64>) -> Chart {
-    let line = |(i, (label, motion)): (usize, &(&str, &Motion))| {
-        Layer::new(label, Mark::Line, Color::nth(i), motion.track.iter().copied())
-    };
+    let tracks = motions.iter().enumerate().fold(chart(name), |chart, (i, (label, motion))| {
+        chart.line(label, Color::nth(i), motion.track.iter().copied())
+    });
     let end_s = motions.iter().map(|(_, motion)| motion.end_s()).fold(0.0, f64::max);
-    let level = level_rad.map(|level_rad| [[0.0, level_rad], [end_s, level_rad]]);
-    let level = level.map(|ends| Layer::new("steady peak", Mark::Dashes, Color::Gray, ends));
-    chart(name).with(motions.iter().enumerate().map(line)).with(level)
+    match level_rad {
+        Some(level_rad) => tracks.dashes("steady peak", Color::Gray, [[0.0, level_rad], [end_s, level_rad]]),
+        None => tracks,
+    }
 }
 
 #[cfg(test)]

@@ -6,13 +6,12 @@ use std::sync::atomic::AtomicBool;
 use nalgebra::Complex;
 
 use super::{LabFault, LabRig};
-use upm_control::calibration::{Axes, AxisResonance, CalibrationFault, CalibrationParams, CalibrationSession};
+use upm_control::calibration::{Axes, CalibrationFault, CalibrationParams, CalibrationSession};
 use upm_core::geometry::Twist;
 use upm_core::random::Streams;
 use upm_core::rig::{Rig, RigModel};
 use upm_core::signal::{AccelTrace, Drive, Envelope, Frame};
 use upm_perception::estimation::{AccelerometerPair, AxisPhasors, TwistFit, fit_twist};
-use upm_planning::cor_library::Entry;
 use upm_sim::{Plant, SimRig};
 
 /// Time after which the rods' oscillation has decayed, s.
@@ -59,17 +58,8 @@ impl BarePlate {
         self.calibrated(|session, params| session.axes(params))
     }
 
-    /// The resonances of x, y and spin as determined by calibration; `None` where the sustain is too short.
-    pub fn resonances(&mut self) -> Result<Option<[AxisResonance; 3]>, LabFault> {
-        self.calibrated(|session, params| session.resonances(params))
-    }
-
-    /// The axes and every motion of the library as determined by calibration.
-    pub fn steer(&mut self) -> Result<(Axes, Vec<Entry>), LabFault> {
-        self.calibrated(|session, params| session.steer(params))
-    }
-
-    fn calibrated<T>(
+    /// Measurements by a session of calibration.
+    pub fn calibrated<T>(
         &mut self,
         measure: impl FnOnce(CalibrationSession<'_>, &CalibrationParams) -> Result<T, CalibrationFault>,
     ) -> Result<T, LabFault> {

@@ -67,7 +67,14 @@ impl Topple {
 /// A ledge as high as the part's centre.
 pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
     let peg = topple.peg();
-    let pivot = peg.pivot(topple.ledge_m).ok_or_else(|| too_high(topple, &peg))?;
+    let too_high = || {
+        LabFault::Setting(format!(
+            "ledge_mm: expected less than {} (half of the part's height), found {}",
+            mm_from_m(0.5 * peg.height_m),
+            mm_from_m(topple.ledge_m)
+        ))
+    };
+    let pivot = peg.pivot(topple.ledge_m).ok_or_else(too_high)?;
     let (exact_mps, simulated_mps) = (pivot.critical_mps(), pivot.simulated_critical_mps());
     let trials = |critical_mps| band(&topple.scatter, critical_mps, &Streams::new(topple.seed.into()));
     let band = trials(simulated_mps);
@@ -102,14 +109,6 @@ pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, Lab
     };
     let notes = bands.iter().filter(|(_, pivot, _)| !holds(pivot)).map(note).collect();
     Ok(ExperimentResult { figures: found, notes, charts: vec![trials_chart(&bands)], ..ExperimentResult::default() })
-}
-
-fn too_high(topple: &Topple, peg: &Peg) -> LabFault {
-    LabFault::Setting(format!(
-        "ledge_mm: expected less than {} (half of the part's height), found {}",
-        mm_from_m(0.5 * peg.height_m),
-        mm_from_m(topple.ledge_m)
-    ))
 }
 
 /// The velocity line of Fig. 2b: the trials of each orientation about its critical speed.

@@ -7,7 +7,7 @@ use super::sweep::Progress;
 use super::{ExperimentResult, LabFault, LabRig};
 use upm_core::background::on_all_cores;
 use upm_scene::{Difficulty, Scene};
-use verdict_counts::VerdictCounts;
+use verdict_counts::{figures, notes};
 use verdicts::evaluate;
 
 /// Scenes of each difficulty by default.
@@ -31,12 +31,10 @@ pub fn vision_of(seed: u64, scenes: usize, progress: Progress<'_>) -> Experiment
     let all: Vec<(Difficulty, u64)> = Difficulty::ALL.into_iter().flat_map(scene).collect();
     let verdicts =
         on_all_cores(&all, progress, |&(difficulty, seed)| evaluate(difficulty, &Scene::generate(difficulty, seed)));
-    let counts = |(difficulty, verdicts): (_, &[_])| VerdictCounts { difficulty, verdicts: verdicts.to_vec() };
-    let tallies: Vec<VerdictCounts> =
-        Difficulty::ALL.into_iter().zip(verdicts.chunks(scenes.max(1))).map(counts).collect();
+    let by_difficulty = || Difficulty::ALL.into_iter().zip(verdicts.chunks(scenes.max(1)));
     ExperimentResult {
-        figures: tallies.iter().flat_map(VerdictCounts::figures).collect(),
-        notes: tallies.iter().flat_map(VerdictCounts::notes).collect(),
+        figures: by_difficulty().flat_map(|(difficulty, verdicts)| figures(difficulty, verdicts)).collect(),
+        notes: by_difficulty().flat_map(|(difficulty, verdicts)| notes(difficulty, verdicts)).collect(),
         ..ExperimentResult::default()
     }
 }
@@ -44,7 +42,6 @@ pub fn vision_of(seed: u64, scenes: usize, progress: Progress<'_>) -> Experiment
 #[cfg(test)]
 mod tests {
     use super::super::testing::{assert_sources_are_short, measured};
-    use super::verdicts::TableVerdict;
     use super::*;
 
     /// Fingers like parts, strips beside the table, plates on bright ground, glints, hands darker than any part: each
@@ -54,10 +51,8 @@ mod tests {
         let hard = [20, 42, 138, 190, 272, 312, 373, 388, 422, 433, 434, 485, 525, 663, 934, 935, 961];
         let clean = [8, 23, 30, 140, 187].map(|seed| (Difficulty::Clean, seed));
         for (difficulty, seed) in hard.map(|seed| (Difficulty::Hard, seed)).into_iter().chain(clean) {
-            let verdict = evaluate(difficulty, &Scene::generate(difficulty, seed));
-            let TableVerdict::Found { parts, corner_errors_px } = verdict.table else {
-                panic!("{difficulty:?} {seed}: no table")
-            };
+            let parts = evaluate(difficulty, &Scene::generate(difficulty, seed));
+            let Some(corner_errors_px) = parts.corner_errors_px else { panic!("{difficulty:?} {seed}: no table") };
             assert!(
                 corner_errors_px.iter().all(|&error| error < 0.3),
                 "{difficulty:?} {seed}: {corner_errors_px:?} px"

@@ -43,20 +43,11 @@ pub fn fit_twist(
     base_radps: f64,
     sensors: &AccelerometerPair,
 ) -> Result<TwistFit, FitFault> {
-    let fit = fit_wave(trace, envelope, base_radps, 2, sensors)?;
-    let axes = axis_phasors(&fit.wave);
+    let motion = fit_wave(trace, envelope, base_radps, 2, sensors)?;
+    let axes = axis_phasors(&motion.wave);
     let (pump, quality) = nearest_pump(&axes, sensors.position_m.norm());
-    let coefficients = |pairs: &[[f64; 2]]| std::array::from_fn(|k| pairs[k / 2][k % 2]);
-    Ok(TwistFit {
-        accel_mps2: fit.accel_mps2.each_ref().map(|pairs| coefficients(pairs)),
-        accel_sd_mps2: coefficients(&fit.accel_sd_mps2),
-        channel_residual_mps2: fit.channel_residual_mps2,
-        residual_rms_mps2: fit.residual_rms_mps2,
-        wave: fit.wave,
-        axes,
-        pump,
-        quality,
-    })
+    let accel_mps2 = motion.accel_mps2.each_ref().map(|pairs| std::array::from_fn(|k| pairs[k / 2][k % 2]));
+    Ok(TwistFit { motion, accel_mps2, axes, pump, quality })
 }
 
 fn refuse_bad(sensors: &AccelerometerPair) -> Result<(), FitFault> {

@@ -36,7 +36,7 @@ mod types;
 
 pub use coins::CoinFinder;
 pub use locate::{TableFault, locate_corners, locate_table};
-pub use plate_watch::{ForeignPart, PlateOccupancy, PlateWatch};
+pub use plate_watch::{PlateOccupancy, PlateWatch};
 pub use survey::{seen_outline_m, survey};
 pub use table::focal_from_corners;
 pub use table_watch::{TableMotion, TableWatch};

@@ -38,7 +38,9 @@ impl Scene {
         let mut scene = Self::plain(seed);
         match difficulty {
             Difficulty::Clean | Difficulty::Rough => {
-                scene.draw_levels(&mut stream("clean levels"));
+                // black parts on a white plate on dark ground
+                let mut levels = stream("clean levels");
+                scene.levels = [levels.within(10.0, 40.0), levels.within(190.0, 230.0), levels.within(20.0, 50.0)];
                 scene.draw_view(&mut stream("clean view"), [0.6, 0.95], 5.0, [1.5, 3.5]);
                 scene.draw_parts(&mut stream("clean parts"), None);
                 if difficulty == Difficulty::Rough {
@@ -66,11 +68,6 @@ impl Scene {
             }
         }
         scene
-    }
-
-    /// Black parts on a white plate on dark ground.
-    fn draw_levels(&mut self, sampler: &mut SceneSampler) {
-        self.levels = [sampler.within(10.0, 40.0), sampler.within(190.0, 230.0), sampler.within(20.0, 50.0)];
     }
 
     /// Both polarities, any light.

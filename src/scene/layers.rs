@@ -18,7 +18,9 @@ impl Scene {
         let [_, level, _] = self.levels;
         let plate_paint = Paint { level, frame: (Vec2::zeros(), 1.0), relief: None, glints: &self.glints };
         let plate = PaintLayer { shape: ClutterOutline::square(self.side_m), paint: plate_paint };
-        let parts = parts.iter().map(|part| PaintLayer { shape: self.silhouette(part), paint: self.face(part) });
+        // the hull of a part's foot and of its top as the camera projects it
+        let silhouette = |part| ClutterOutline::Hull(self.seen_circles(part));
+        let parts = parts.iter().map(|part| PaintLayer { shape: silhouette(part), paint: self.face(part) });
         things(&self.clutter).chain([plate]).chain(parts).chain(things(&self.occluders)).collect()
     }
 

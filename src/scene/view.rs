@@ -2,7 +2,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use super::{ClutterOutline, Scene, SceneDisc, ScenePartTruth};
+use super::{Scene, SceneDisc, ScenePartTruth};
 use upm_core::geometry::{Homography, Vec2, cross};
 
 /// Points of the polygon that approximates an outline for its area.
@@ -41,30 +41,22 @@ impl Scene {
 
     /// True position of every part, on the plate and in the picture.
     pub fn truth(&self) -> Vec<ScenePartTruth> {
-        self.parts.iter().map(|part| self.part_truth(part)).collect()
-    }
-
-    fn part_truth(&self, part: &SceneDisc) -> ScenePartTruth {
         let ideal_from_table = self.ideal_from_table();
-        let circles = self.seen_circles(part);
-        let outline: Vec<Vec2> = (0..OUTLINE_POINTS)
-            .map(|i| {
+        let truth = |part: &SceneDisc| {
+            let circles = self.seen_circles(part);
+            let on_outline = |i: usize| {
                 let (sin, cos) = (TAU * i as f64 / OUTLINE_POINTS as f64).sin_cos();
                 let normal = Vec2::new(cos, sin);
                 // The hull's farthest point along the normal.
                 let [foot, top] = circles.map(|(center, radius)| center + radius * normal);
                 let farthest = if top.dot(&normal) > foot.dot(&normal) { top } else { foot };
                 self.lens.image_from_ideal(ideal_from_table.apply(farthest))
-            })
-            .collect();
-        let (area_px2, center_px) = area_and_centre(&outline);
-        let radius_px = (area_px2 / std::f64::consts::PI).sqrt();
-        ScenePartTruth { kind: part.kind, at_m: part.at_m, center_px, radius_px }
-    }
-
-    /// Outline of a part on the plate's plane: the hull of its foot and of its top as the camera projects it.
-    pub(super) fn silhouette(&self, part: &SceneDisc) -> ClutterOutline {
-        ClutterOutline::Hull(self.seen_circles(part))
+            };
+            let (area_px2, center_px) = area_and_centre(&(0..OUTLINE_POINTS).map(on_outline).collect::<Vec<_>>());
+            let radius_px = (area_px2 / std::f64::consts::PI).sqrt();
+            ScenePartTruth { kind: part.kind, at_m: part.at_m, center_px, radius_px }
+        };
+        self.parts.iter().map(truth).collect()
     }
 
     /// A part's foot, and its top as projected on the plate's plane, by similar triangles from the camera's centre.

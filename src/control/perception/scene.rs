@@ -94,7 +94,7 @@ impl SceneMonitor {
         let is_hidden = sight.hidden_share > HIDDEN;
         let is_dark = sight.dark || (place == PlateInImage::Unknown && !is_hidden);
         let blind = if is_dark { Some(UnusableFrame::Dark) } else { is_hidden.then_some(UnusableFrame::Hidden) };
-        self.foreign_m = sight.foreign.first().map(|part| part.position_m);
+        self.foreign_m = sight.foreign_m.first().copied();
         (blind, place)
     }
 

@@ -100,7 +100,7 @@ mod tests {
     /// The corners displaced by a turn, the plate as a whole by a shift, px.
     fn seen(turn_px: f64, shift_px: f64) -> TableMotion {
         let corner_px = turn_px.abs() + shift_px;
-        TableMotion::Seen { sides_px: [Some(0.0); 4], shift_px: Vec2::new(shift_px, 0.0), turn_px, corner_px }
+        TableMotion::Seen { shift_px: Vec2::new(shift_px, 0.0), corner_px }
     }
 
     #[test]

@@ -6,27 +6,24 @@ use std::process::ExitCode;
 
 use upm_runner::config::{Diagnostic, reason};
 
-/// Failure of a command: exit status and the lines that say why.
+/// Failure of a command: exit status, and what is printed on stderr.
 #[derive(Debug)]
-pub struct Failure {
-    status: u8,
-    lines: Vec<String>,
-}
+pub struct Failure(u8, String);
 
 impl Failure {
     /// Failure of a valid command that could not be carried out.
     pub fn failed(line: impl Display) -> Self {
-        Self { status: 1, lines: vec![line.to_string()] }
+        Self(1, format!("upm-lab: {line}"))
     }
 
     /// Failure by bad usage or a bad file.
     pub fn bad_input(line: impl Display) -> Self {
-        Self { status: 2, lines: vec![line.to_string()] }
+        Self(2, format!("upm-lab: {line}"))
     }
 
     /// Failure by faults in files, one line each.
     pub fn of_files(faults: Vec<Diagnostic>) -> Self {
-        Self { status: 2, lines: faults.iter().map(Diagnostic::to_string).collect() }
+        Self::bad_input(faults.iter().map(Diagnostic::to_string).collect::<Vec<_>>().join("\nupm-lab: "))
     }
 
     /// Failure to write a file.
@@ -36,11 +33,9 @@ impl Failure {
         Self::failed(format!("cannot write {}: {why}", path.display()))
     }
 
-    /// Prints the lines on stderr; returns the exit status.
+    /// Prints it on stderr; returns the exit status.
     pub fn report(self) -> ExitCode {
-        for line in self.lines {
-            writeln!(io::stderr(), "upm-lab: {line}").ok();
-        }
-        ExitCode::from(self.status)
+        writeln!(io::stderr(), "{}", self.1).ok();
+        ExitCode::from(self.0)
     }
 }

@@ -100,17 +100,7 @@ impl Sliding {
         }
         way_m / (cycles as f64 * plate.period_s)
     }
-}
 
-/// Duty from which the quasi-static part keeps the plate's largest speed: 5/8.
-pub const SATURATION: f64 = 0.625;
-
-/// Quasi-static feed rate (Eq. 3 and below it), m/s.
-pub fn quasi_static_mps(plate: &PlateCycle) -> f64 {
-    if plate.duty <= SATURATION { unsaturated_mps(plate) } else { plate.peak_mps() }
-}
-
-impl Sliding {
     /// Duty from which the part catches up with the plate within its plateau (Eq. 5): with the force `x = F/(μ m g)`,
     /// `½ + ⅛ ((1 - x)(1 - (1 + x) μ g/a))²`.
     pub fn saturation(&self, accel_mps2: f64) -> f64 {
@@ -137,6 +127,14 @@ impl Sliding {
         };
         (a > self.least_accel_mps2()).then_some(rate_mps)
     }
+}
+
+/// Duty from which the quasi-static part keeps the plate's largest speed: 5/8.
+pub const SATURATION: f64 = 0.625;
+
+/// Quasi-static feed rate (Eq. 3 and below it), m/s.
+pub fn quasi_static_mps(plate: &PlateCycle) -> f64 {
+    if plate.duty <= SATURATION { unsaturated_mps(plate) } else { plate.peak_mps() }
 }
 
 /// `(a T/4)(2 d - 1)` (Eq. 3), m/s.

@@ -12,7 +12,7 @@ use crate::pumped::{PUMP, PumpedLine};
 use crate::sweep::Progress;
 use crate::texts::{chart, figure};
 use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
-use upm_chart::{Color, Layer, Mark};
+use upm_chart::Color;
 use upm_core::background::on_all_cores;
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
@@ -48,7 +48,11 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
     let mut chart = chart("feeder-duty");
     for (i, (&accel_mps2, &saturates)) in ACCELS_MPS2.iter().zip(&SATURATIONS).enumerate() {
         let rates = rate_against_duty(accel_mps2, saturates, &mut outcome)?;
-        chart = chart.with(duty_layers(accel_mps2, Color::nth(i), rates));
+        let (plate, sliding) = (Feeder::published().plate, Feeder::published().sliding());
+        let rate = |duty: f64| Some([duty, sliding.rate_mps(&PlateCycle { accel_mps2, duty, ..plate })? / CM]);
+        let exact = (0..=250).map(|i| 0.5 + 0.002 * f64::from(i)).filter_map(rate);
+        let label = format!("{:.0} cm/s²: closed form", accel_mps2 / CM);
+        chart = chart.line(&label, Color::nth(i), exact).dots("", Color::nth(i), rates);
         progress(0.2 * (i + 1) as f64 / ACCELS_MPS2.len() as f64);
     }
     landmarks(&mut outcome);
@@ -146,15 +150,6 @@ fn drives(rig: &LabRig, outcome: &mut ExperimentResult) {
     outcome.figures.push(rate.of(&format!("{:.2}", 0.5 * amplitude_mps / CM)));
     let names = ["duty (none: two harmonics)", "largest forward speed (cm/s)", "stroke (cm)", "feed rate (cm/s)"];
     outcome.sheet = Some(DataSheet::new(names, rows));
-}
-
-/// The closed form, and the simulated rates as dots.
-fn duty_layers(accel_mps2: f64, color: Color, simulated: Vec<[f64; 2]>) -> [Layer; 2] {
-    let (plate, sliding) = (Feeder::published().plate, Feeder::published().sliding());
-    let rate = |duty: f64| Some([duty, sliding.rate_mps(&PlateCycle { accel_mps2, duty, ..plate })? / CM]);
-    let exact = (0..=250).map(|i| 0.5 + 0.002 * f64::from(i)).filter_map(rate);
-    let label = format!("{:.0} cm/s²: closed form", accel_mps2 / CM);
-    [Layer::new(&label, Mark::Line, color, exact), Layer::new("", Mark::Dots, color, simulated)]
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::device::Device;
+use super::device::{Device, SLAB_M};
 use super::part::PartShape;
 
 /// A point at which part and resonator touch.
@@ -27,7 +27,7 @@ pub struct Outline {
 
 impl Outline {
     pub fn of(device: &Device) -> Self {
-        let half_m = device.slab_m.map(|length_m| 0.5 * length_m);
+        let half_m = SLAB_M.map(|length_m| 0.5 * length_m);
         Self {
             // centres of the roundings: the outermost points are those of the sharp outline
             tip_m: [

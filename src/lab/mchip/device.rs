@@ -8,21 +8,25 @@ use super::resonator::{Rotor, free_swing};
 
 /// Density of silicon, kg/m³.
 pub const SILICON_KGPM3: f64 = 2_330.0;
+/// Rows along the feed. Row 0 is the paper's row 1.
+pub const ROWS: usize = 8;
+/// Resonators in a row.
+pub const COLUMNS: usize = 5;
+/// Length (along x), width (along y) and thickness of a slab, m.
+pub const SLAB_M: [f64; 3] = [280e-6, 180e-6, 5e-6];
+/// Distance between neighbouring slabs along x and along y, m. Not in the paper.
+const GAP_M: f64 = 10e-6;
+/// Distances between neighbouring axes along x and along y, m.
+pub const PITCH_M: [f64; 2] = [SLAB_M[0] + GAP_M, SLAB_M[1] + GAP_M];
+/// Extent of the array along x, m.
+pub const LENGTH_M: f64 = ROWS as f64 * PITCH_M[0];
+/// Shift of every second row along y, in column pitches: the interleaved tiling.
+const ROW_SHIFT: f64 = 0.5;
 
-/// Geometry, mechanics and drive strength of one array. Feed is along +x; the ridge is on the trailing half of every
+/// Ridges, mechanics and drive strength of one array. Feed is along +x; the ridge is on the trailing half of every
 /// slab.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Device {
-    /// Rows along the feed. Row 0 is the paper's row 1.
-    pub rows: usize,
-    /// Resonators in a row.
-    pub columns: usize,
-    /// Length (along x), width (along y) and thickness of a slab, m.
-    pub slab_m: [f64; 3],
-    /// Distances between neighbouring slabs along x and along y, m. Not in the paper.
-    pub gap_m: [f64; 2],
-    /// Shift of every second row along y, in column pitches: the interleaved tiling.
-    pub row_shift: f64,
     /// Position of the ridge from the axis along x, m: the paper's L, negative on the trailing side.
     pub ridge_place_m: f64,
     /// Height of the ridge above the slab, m: the paper's H.
@@ -52,11 +56,6 @@ impl Device {
     /// % duty and only 0.2 ms apart at 36 %, jams at new rows, and a rate near 0.8 mm/s.
     pub fn published() -> Self {
         Self {
-            rows: 8,
-            columns: 5,
-            slab_m: [280e-6, 180e-6, 5e-6],
-            gap_m: [10e-6, 10e-6],
-            row_shift: 0.5,
             ridge_place_m: -140e-6,
             ridge_height_m: 5e-6,
             rim_radius_m: 0.75e-6,
@@ -76,39 +75,16 @@ impl Device {
         Self { natural_hz: 4_000.0, damping_ratio: 0.5, ..Self::published() }
     }
 
-    pub fn slab_mass_kg(&self) -> f64 {
-        self.solidity * SILICON_KGPM3 * self.slab_m.iter().product::<f64>()
-    }
-
     /// Moment of inertia of a slab about its rods, kg m². The ridge's own mass is left out.
     pub fn inertia_kgm2(&self) -> f64 {
-        let [length_m, _, thickness_m] = self.slab_m;
-        self.slab_mass_kg() * (length_m.powi(2) + thickness_m.powi(2)) / 12.0
-    }
-
-    /// Distance between neighbouring axes along x and along y, m.
-    pub fn pitch_m(&self) -> [f64; 2] {
-        [self.slab_m[0] + self.gap_m[0], self.slab_m[1] + self.gap_m[1]]
-    }
-
-    /// Extent of the array along x, m.
-    pub fn length_m(&self) -> f64 {
-        self.rows as f64 * self.pitch_m()[0]
-    }
-
-    /// Middle of a resonator's axis, m: the array starts at x = 0 and is centred on y = 0; axes are at z = 0.
-    pub fn axis_m(&self, row: usize, column: usize) -> Vector3<f64> {
-        let [px, py] = self.pitch_m();
-        let x = row as f64 + 0.5;
-        // half the shift in both directions keeps the array centred
-        let shift = if row % 2 == 1 { self.row_shift } else { 0.0 };
-        let y = column as f64 - 0.5 * (self.columns as f64 - 1.0) + shift - 0.5 * self.row_shift;
-        Vector3::new(x * px, y * py, 0.0)
+        let mass_kg = self.solidity * SILICON_KGPM3 * SLAB_M.iter().product::<f64>();
+        let [length_m, _, thickness_m] = SLAB_M;
+        mass_kg * (length_m.powi(2) + thickness_m.powi(2)) / 12.0
     }
 
     /// Height at which the bottom of a part rests on ridges at rest, m.
     pub fn rest_height_m(&self) -> f64 {
-        0.5 * self.slab_m[2] + self.ridge_height_m
+        0.5 * SLAB_M[2] + self.ridge_height_m
     }
 
     /// Height above its rest position that a rim reaches in the free oscillation at a duty of a half, m.
@@ -133,4 +109,13 @@ impl Device {
         let peak_rad = free_swing(&rotor, rotor.stiffness_nm, self.drive_hz, 0.5)[1];
         rotor.stiffness_nm * self.peak_rad / peak_rad
     }
+}
+
+/// Middle of a resonator's axis, m: the array starts at x = 0 and is centred on y = 0; axes are at z = 0.
+pub fn axis_m(row: usize, column: usize) -> Vector3<f64> {
+    let x = row as f64 + 0.5;
+    // half the shift in both directions keeps the array centred
+    let shift = if row % 2 == 1 { ROW_SHIFT } else { 0.0 };
+    let y = column as f64 - 0.5 * (COLUMNS as f64 - 1.0) + shift - 0.5 * ROW_SHIFT;
+    Vector3::new(x * PITCH_M[0], y * PITCH_M[1], 0.0)
 }

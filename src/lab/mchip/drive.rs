@@ -1,5 +1,7 @@
 //! The torque wave of every row: duty, phase offsets and the strobing of rows (M-Chip paper, section III-A).
 
+use super::device::ROWS;
+
 /// The drive of an array, and the strobing of its rows: a wave of rows that are off, running against the feed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ResonatorDrive {
@@ -26,18 +28,15 @@ impl ResonatorDrive {
         Self { strobe: 1, ..Self::plain() }
     }
 
-    /// True while `row` of `rows` is driven up, `cycles` drive cycles after the start.
-    pub fn pushes(&self, row: usize, rows: usize, cycles: f64) -> bool {
-        if self.is_off(row, rows, cycles) {
-            return false;
-        }
-        (cycles - self.row_delay * row as f64).rem_euclid(1.0) < self.duty
+    /// True while `row` is driven up, `cycles` drive cycles after the start.
+    pub fn pushes(&self, row: usize, cycles: f64) -> bool {
+        !self.is_off(row, cycles) && (cycles - self.row_delay * row as f64).rem_euclid(1.0) < self.duty
     }
 
     /// True while `row` is off: the last row first, then the one before it.
-    pub fn is_off(&self, row: usize, rows: usize, cycles: f64) -> bool {
+    pub fn is_off(&self, row: usize, cycles: f64) -> bool {
         let (turn, spacing) = ((cycles / f64::from(self.cycles)) as usize, self.spacing as usize);
-        self.strobe == 1 && (row + turn) % spacing == (rows - 1) % spacing
+        self.strobe == 1 && (row + turn) % spacing == (ROWS - 1) % spacing
     }
 }
 
@@ -48,11 +47,11 @@ mod tests {
     #[test]
     fn off_rows_run_against_the_feed() {
         let drive = ResonatorDrive::strobed();
-        let off = |cycles: f64| -> Vec<usize> { (0..8).filter(|&row| drive.is_off(row, 8, cycles)).collect() };
+        let off = |cycles: f64| -> Vec<usize> { (0..8).filter(|&row| drive.is_off(row, cycles)).collect() };
         assert_eq!(off(0.0), [3, 7]);
         assert_eq!(off(49.9), [3, 7]);
         assert_eq!(off(50.0), [2, 6]);
         assert_eq!(off(200.0), [3, 7]);
-        assert!(!drive.pushes(7, 8, 0.1) && drive.pushes(6, 8, 0.1) && !drive.pushes(6, 8, 0.6));
+        assert!(!drive.pushes(7, 0.1) && drive.pushes(6, 0.1) && !drive.pushes(6, 0.6));
     }
 }

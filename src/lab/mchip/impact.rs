@@ -19,13 +19,6 @@ const NO_SLIP: f64 = 1e-3;
 /// Least slip, as a share of the approach speed, for limiting the step by the slip's turn.
 const LEAST_TURNED: f64 = 0.01;
 
-/// Surface constants of an impact.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Surface {
-    pub friction: f64,
-    pub restitution: f64,
-}
-
 /// Collision of two bodies at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Collision {
@@ -38,8 +31,9 @@ pub struct Collision {
 }
 
 impl Collision {
-    /// Impulse on the first body, N s; the second takes its opposite. Zero for points that separate.
-    pub fn impulse(&self, surface: &Surface) -> Vector3<f64> {
+    /// Impulse on the first body, N s, with these surface constants; the second takes its opposite. Zero for points
+    /// that separate.
+    pub fn impulse(&self, friction: f64, restitution: f64) -> Vector3<f64> {
         if self.velocity_mps.dot(&self.normal) >= 0.0 {
             return Vector3::zeros();
         }
@@ -55,11 +49,8 @@ impl Collision {
             let slip = velocity - normal * closing;
             let speed = slip.norm();
             let slides = speed > no_slip_mps;
-            let mut push = if slides {
-                normal - slip * (surface.friction / speed)
-            } else {
-                normal + self.sticking_push(surface.friction)
-            };
+            let mut push =
+                if slides { normal - slip * (friction / speed) } else { normal + self.sticking_push(friction) };
             let mut rate = self.inverse_mass * push;
             let mut opening = rate.dot(&normal);
             let mut step = start_mps / (COMPRESSION_STEPS * opening.max(least_opening));
@@ -74,7 +65,7 @@ impl Collision {
                 } else {
                     // the friction at the middle of the step
                     let middle = slip + drift * (0.5 * step);
-                    push = normal - middle * (surface.friction / middle.norm().max(f64::MIN_POSITIVE));
+                    push = normal - middle * (friction / middle.norm().max(f64::MIN_POSITIVE));
                     rate = self.inverse_mass * push;
                     opening = rate.dot(&normal);
                 }
@@ -84,7 +75,7 @@ impl Collision {
             match goal {
                 None if closing + opening * step >= 0.0 => {
                     step = -closing / opening;
-                    goal = Some(work_after(step) * (1.0 - surface.restitution.powi(2)));
+                    goal = Some(work_after(step) * (1.0 - restitution.powi(2)));
                 }
                 Some(goal) if work_after(step) >= goal => {
                     let root = (closing * closing + 2.0 * opening * (goal - work)).max(0.0).sqrt();
@@ -166,15 +157,13 @@ mod tests {
         })
     }
 
-    fn surface(friction: f64) -> Surface {
-        Surface { friction, restitution: 0.5 }
-    }
+    const RESTITUTION: f64 = 0.5;
 
     #[test]
     fn impact_never_creates_energy() {
         for friction in [0.0, 0.3, 1.0] {
             for meeting in meetings() {
-                let impulse = meeting.impulse(&surface(friction));
+                let impulse = meeting.impulse(friction, RESTITUTION);
                 let lost_j = meeting.energy_lost_j(&impulse);
                 let scale_j = impulse.norm() * meeting.velocity_mps.norm();
                 assert!(lost_j >= -1e-9 * scale_j, "{friction}: {lost_j} of {scale_j} for {meeting:?}");
@@ -186,7 +175,7 @@ mod tests {
     fn impulse_stays_in_the_friction_cone_and_separates() {
         for friction in [0.0, 0.3, 1.0] {
             for meeting in meetings() {
-                let impulse = meeting.impulse(&surface(friction));
+                let impulse = meeting.impulse(friction, RESTITUTION);
                 let along = impulse.dot(&meeting.normal);
                 let across = (impulse - meeting.normal * along).norm();
                 let most = friction * along * (1.0 + 1e-9) + 1e-15 * along;
@@ -206,7 +195,7 @@ mod tests {
             velocity_mps: -lever * 300.0,
             normal: Vector3::z(),
         };
-        let impulse = meeting.impulse(&surface(1.0));
+        let impulse = meeting.impulse(1.0, RESTITUTION);
         // forward in compression, backward in restitution: (1 - q)/(1 + q), with q near e, corrected for the turn by
         // friction
         let turn: f64 = 1.7e-5 / 1.4e-4;

@@ -3,9 +3,9 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::contact::{Contact, Outline};
-use super::device::Device;
+use super::device::{COLUMNS, Device, LENGTH_M, PITCH_M, ROWS, axis_m};
 use super::drive::ResonatorDrive;
-use super::impact::{Collision, Surface};
+use super::impact::Collision;
 use super::part::{MChipPart, PartShape};
 use super::resonator::{ExactStep, Rotor, Swing};
 use upm_core::units::GRAVITY_MPS2;
@@ -113,8 +113,7 @@ impl Run {
         let [x, y] = start.middle_m;
         let bottom_m = Vector3::new(x, y, device.rest_height_m() + device.reach_m() + start.drop_m);
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), start.yaw_rad);
-        let axis = |index: usize| device.axis_m(index / device.columns, index % device.columns);
-        let axes_m: Vec<Vector3<f64>> = (0..device.rows * device.columns).map(axis).collect();
+        let axes_m: Vec<Vector3<f64>> = (0..ROWS * COLUMNS).map(|i| axis_m(i / COLUMNS, i % COLUMNS)).collect();
         let rotor = device.rotor();
         let mut run = Self {
             rotor,
@@ -143,8 +142,8 @@ impl Run {
         let Setup { device, drive, step_s, .. } = &self.setup;
         // the middle of the step, so that no switching time falls on a boundary
         let cycles = (step + 0.5) * step_s * device.drive_hz;
-        for (row, swings) in self.swings.chunks_mut(device.columns).enumerate() {
-            let torque_nm = if drive.pushes(row, device.rows, cycles) { self.torque_nm } else { 0.0 };
+        for (row, swings) in self.swings.chunks_mut(COLUMNS).enumerate() {
+            let torque_nm = if drive.pushes(row, cycles) { self.torque_nm } else { 0.0 };
             for swing in swings {
                 *swing = self.exact.after(swing, torque_nm);
             }
@@ -162,7 +161,12 @@ impl Run {
         let end = (until_s / self.setup.step_s).round() as u64;
         let mut found = Vec::new();
         while self.steps < end && self.is_on_array() {
-            self.step(&mut found);
+            self.swing_on(self.steps as f64);
+            let Setup { part, step_s, .. } = &self.setup;
+            let accel_mps2 = self.force_n / part.mass_kg - Vector3::z() * GRAVITY_MPS2;
+            self.state.step(&accel_mps2, *step_s);
+            self.steps += 1;
+            self.collide(&mut found);
             if self.steps.is_multiple_of(sampling) {
                 let at_s = self.steps as f64 * self.setup.step_s;
                 self.samples.push(Sample { at_s, state: self.state });
@@ -174,18 +178,9 @@ impl Run {
     /// False once the part's front is past the last row or its back before the first, or it has fallen off a side.
     pub fn is_on_array(&self) -> bool {
         let (center_m, half_m) = (self.state.center_m, self.setup.part.half_m);
-        center_m.x - half_m.x > -self.setup.device.pitch_m()[0]
-            && center_m.x + half_m.x < self.setup.device.length_m()
+        center_m.x - half_m.x > -PITCH_M[0]
+            && center_m.x + half_m.x < LENGTH_M
             && self.height_m(&self.state) > -half_m.z
-    }
-
-    fn step(&mut self, found: &mut Vec<Contact>) {
-        self.swing_on(self.steps as f64);
-        let Setup { part, step_s, .. } = &self.setup;
-        let accel_mps2 = self.force_n / part.mass_kg - Vector3::z() * GRAVITY_MPS2;
-        self.state.step(&accel_mps2, *step_s);
-        self.steps += 1;
-        self.collide(found);
     }
 
     /// Resolves the contacts at the present time one after the other, in reverse order in every second step.
@@ -218,8 +213,8 @@ impl Run {
         let inverse_mass = Matrix3::identity() / self.setup.part.mass_kg - across * inverse_inertia * across
             + lever_m * lever_m.transpose() / self.rotor.inertia_kgm2;
         let Device { friction, restitution, .. } = self.setup.device;
-        let surface = Surface { friction, restitution };
-        let impulse_ns = Collision { inverse_mass, velocity_mps, normal: contact.normal }.impulse(&surface);
+        let collision = Collision { inverse_mass, velocity_mps, normal: contact.normal };
+        let impulse_ns = collision.impulse(friction, restitution);
         self.state.velocity_mps += impulse_ns / self.setup.part.mass_kg;
         self.state.spin_radps += inverse_inertia * arm_m.cross(&impulse_ns);
         self.swings[index].speed_radps -= lever_m.dot(&impulse_ns) / self.rotor.inertia_kgm2;
@@ -229,8 +224,7 @@ impl Run {
             self.swings[index].angle_rad -= contact.depth_m / rise_m;
         }
         let (Setup { device, drive, .. }, at_s) = (&self.setup, self.steps as f64 * self.setup.step_s);
-        let (row, cycles) = (index / device.columns, at_s * device.drive_hz);
-        let driven = !drive.is_off(row, device.rows, cycles);
+        let driven = !drive.is_off(index / COLUMNS, at_s * device.drive_hz);
         self.impacts.push(Impact { at_s, resonator: index, driven, swing, impulse_ns });
     }
 }
@@ -283,7 +277,7 @@ mod tests {
     #[test]
     fn frictionless_impact_keeps_momentum() {
         let mut run = resting(Device { friction: 0.0, ..Device::published() });
-        let (index, at) = (2 * run.setup.device.columns + 2, run.setup.device.axis_m(2, 2));
+        let (index, at) = (2 * COLUMNS + 2, axis_m(2, 2));
         run.swings[index].speed_radps = 500.0;
         let before = (run.state, run.swings[index]);
         let point_m = at + Vector3::new(-139e-6, 10e-6, 7.5e-6);

@@ -149,7 +149,9 @@ impl Rocking<'_> {
                 return false;
             }
             if hits(next) {
-                self.strike();
+                // the centre's normal speed is restored in part, and the other corner then supports the block
+                self.motion.impacts_s.push(self.t_s);
+                self.turn = BlockTilt { tilt_rad: 0.0, speed_radps: -self.release.restitution * self.turn.speed_radps };
             } else if is_peak {
                 self.motion.peaks.push([self.t_s, next.tilt_rad]);
             }
@@ -172,13 +174,6 @@ impl Rocking<'_> {
         motion.least_contact = motion.least_contact.min(normal / GRAVITY_MPS2);
         motion.friction = motion.friction.max(along.abs() / normal);
         true
-    }
-
-    /// Impact of the face on the table: the centre's normal speed is restored in part, and the other corner then
-    /// supports the block.
-    fn strike(&mut self) {
-        self.motion.impacts_s.push(self.t_s);
-        self.turn = BlockTilt { tilt_rad: 0.0, speed_radps: -self.release.restitution * self.turn.speed_radps };
     }
 
     fn ended(&self) -> Option<End> {

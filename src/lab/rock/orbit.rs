@@ -25,15 +25,6 @@ pub struct RockingCycle {
     pub to_rad: f64,
 }
 
-/// The block's fall to the impact: switching times of the wave, time of the impact, s, and the rotation then.
-#[derive(Clone, Copy, Debug)]
-struct Fall {
-    from_s: f64,
-    to_s: f64,
-    impact_s: f64,
-    after: BlockTilt,
-}
-
 impl RockingCycle {
     /// The wave for this cycle: equal areas of acceleration upward and downward, and at no time free fall. `None` where
     /// no such wave exists.
@@ -60,10 +51,10 @@ impl RockingCycle {
     pub fn kick(&self, down_mps2: f64) -> Option<Square> {
         let (block, low_mps2) = (self.block, GRAVITY_MPS2 - down_mps2);
         let ratio = self.ratio(OVER * block.lift(0.0, block.balance_rad()))?;
-        let fall = self.fall(low_mps2, ratio).filter(|_| self.to_rad >= 0.0)?;
-        let rise_s = block.time_s(fall.after, block.balance_rad(), low_mps2)?;
-        let (up_mps2, period_s) = (ratio * low_mps2 - GRAVITY_MPS2, fall.impact_s + BEYOND * rise_s);
-        Some(Square { up_mps2, down_mps2, from_s: fall.from_s, to_s: fall.to_s, period_s })
+        let ([from_s, to_s, impact_s], after) = self.fall(low_mps2, ratio).filter(|_| self.to_rad >= 0.0)?;
+        let rise_s = block.time_s(after, block.balance_rad(), low_mps2)?;
+        let (up_mps2, period_s) = (ratio * low_mps2 - GRAVITY_MPS2, impact_s + BEYOND * rise_s);
+        Some(Square { up_mps2, down_mps2, from_s, to_s, period_s })
     }
 
     /// Ratio of `g + ẍ` upward to that downward with which the block rises by `rise` of its arm after the impact.
@@ -85,7 +76,7 @@ impl RockingCycle {
     /// Times at which the wave turns upward and downward, and the period, s, with `low_mps2` for `g + ẍ` downward.
     fn times(&self, low_mps2: f64, ratio: f64) -> Option<[f64; 3]> {
         let peak = BlockTilt { tilt_rad: self.peaks_rad[1], speed_radps: 0.0 };
-        let Fall { from_s, to_s, impact_s, after } = self.fall(low_mps2, ratio)?;
+        let ([from_s, to_s, impact_s], after) = self.fall(low_mps2, ratio)?;
         if self.to_rad >= 0.0 {
             return Some([from_s, to_s, impact_s + self.block.time_s(peak, 0.0, low_mps2)?]);
         }
@@ -93,8 +84,9 @@ impl RockingCycle {
         Some([from_s, to_s, to_s + self.block.time_s(peak, -self.to_rad, low_mps2)?])
     }
 
-    /// The fall from the peak to the impact.
-    fn fall(&self, low_mps2: f64, ratio: f64) -> Option<Fall> {
+    /// The block's fall from the peak to the impact: switching times of the wave, time of the impact, s, and the
+    /// rotation then.
+    fn fall(&self, low_mps2: f64, ratio: f64) -> Option<([f64; 3], BlockTilt)> {
         let block = &self.block;
         let falls = |from: BlockTilt, to_rad, weight_mps2| {
             let speed_radps = -block.speed_radps(from, to_rad, weight_mps2)?;
@@ -105,7 +97,7 @@ impl RockingCycle {
         let (up_s, turn) = falls(turn, self.to_rad.max(0.0), ratio * low_mps2)?;
         let (rest_s, turn) = if turn.tilt_rad > 0.0 { falls(turn, 0.0, low_mps2)? } else { (0.0, turn) };
         let after = BlockTilt { tilt_rad: 0.0, speed_radps: -self.restitution * turn.speed_radps };
-        Some(Fall { from_s, to_s: from_s + up_s, impact_s: from_s + up_s + rest_s, after })
+        Some(([from_s, from_s + up_s, from_s + up_s + rest_s], after))
     }
 }
 

@@ -3,8 +3,7 @@
 
 use super::block::Block;
 use super::motion::{End, Release};
-use super::selection::raise;
-use super::selection::{Selected, on_drive};
+use super::selection::{on_drive, raise};
 use super::{Rock, table_figures, track_chart};
 use crate::sweep::Progress;
 use crate::texts::figures;
@@ -89,8 +88,7 @@ fn ramped_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
 /// Fig. 9: two orientations on one drive.
 fn selection(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
     let none = || LabFault::Setting("no such drive".into());
-    let found = on_drive(&SIMILAR, WINDOW_FROM, SELECTION_S).ok_or_else(none)?;
-    let Selected { motions: [standing, lying], peaks_rad, .. } = found;
+    let ([standing, lying], peaks_rad) = on_drive(&SIMILAR, WINDOW_FROM, SELECTION_S).ok_or_else(none)?;
     let peaks =
         [("20 x 22 mm, standing: peak after the impact", peaks_rad[0]), ("the same block, lying", peaks_rad[1])];
     outcome.figures.extend(figures(peaks));

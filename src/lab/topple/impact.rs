@@ -5,6 +5,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::peg::Pivot;
 use crate::numerics::{bisect, runge_kutta};
+use upm_core::geometry::cross;
 use upm_core::units::GRAVITY_MPS2;
 
 /// Steps in the time `sqrt(h/g)`, h being the centre's height above the edge.
@@ -64,10 +65,6 @@ impl Pivot {
         }
         bisect([stays, topples], HALVINGS, |speed_mps| self.topples(speed_mps))[1]
     }
-}
-
-fn cross(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
-    a.x * b.y - a.y * b.x
 }
 
 #[cfg(test)]

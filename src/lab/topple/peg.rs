@@ -65,9 +65,7 @@ impl Pivot {
         let lift_m = self.behind_m.hypot(self.above_m) - self.above_m;
         (2.0 * GRAVITY_MPS2 * self.about_edge_m2() * lift_m).sqrt() / self.above_m
     }
-}
 
-impl Pivot {
     /// Sine of the angle at which the centre is above the edge, and the least one for which the edge only pushes at a
     /// part that rises at the critical speed. Of the force along and normal to the table that Eq. 2.3 needs at the sine
     /// `s`, the first is forward below 2/3 and the second downward where `1 + 2 s - 3 s² > I_o/(m r²)`: there the edge

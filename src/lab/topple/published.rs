@@ -35,13 +35,13 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
     let mut outcome = orientations();
     let peg = Topple { seed: rig.seed as u32, ..Topple::published() };
     let pegs = [peg, alike(&peg)];
-    let rows = on_all_cores(&pegs, &|share| progress(0.8 * share), |peg| -> Result<Vec<f64>, LabFault> {
+    let rows = on_all_cores(&pegs, &|share| progress(0.8 * share), |peg| {
         let exact_mps = peg.peg().pivot(peg.ledge_m).map_or(f64::NAN, |pivot| pivot.critical_mps());
         let band = band(&peg.scatter, exact_mps, &streams);
         let error = 100.0 * (band.middle_mps() / exact_mps - 1.0);
         let speeds = [exact_mps, band.none_mps, band.all_mps, band.middle_mps()].map(mm_from_m);
         let sizes = [mm_from_m(peg.length_m), mm_from_m(peg.height_m)];
-        Ok(sizes.into_iter().chain(speeds).chain([error, 100.0 * band.width()]).collect())
+        sizes.into_iter().chain(speeds).chain([error, 100.0 * band.width()]).collect::<Vec<f64>>()
     });
     let columns = [
         "diameter (mm)",
@@ -53,7 +53,6 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
         "error %",
         "band %",
     ];
-    let rows = rows.into_iter().collect::<Result<Vec<_>, _>>()?;
     let same = (rows[1][2] / rows[0][2] - 1.0).abs();
     outcome.sheet = Some(DataSheet::new(columns, rows));
     outcome.figures.push(figure("critical speeds of two pegs, one twice as thick, apart by", same));

@@ -1,7 +1,7 @@
 use super::super::Figure;
 use super::super::numerics::rms;
 use super::super::texts::figure;
-use super::verdicts::{PartError, SceneVerdict, TableVerdict};
+use super::verdicts::{PartError, SceneVerdict};
 use upm_core::units::mm_from_m;
 use upm_scene::Difficulty;
 
@@ -10,89 +10,70 @@ const CAUSES: [&str; 5] = ["tables not found", "tables misplaced", "parts missed
 /// Most seeds reported for one cause.
 const MOST_SEEDS: usize = 10;
 
-/// Verdicts on the scenes of one difficulty.
-pub struct VerdictCounts {
-    pub difficulty: Difficulty,
-    pub verdicts: Vec<SceneVerdict>,
+/// Errors of the parts that were found, with the seeds of their scenes.
+fn errors(verdicts: &[SceneVerdict]) -> impl Iterator<Item = (u64, &PartError)> {
+    verdicts.iter().flat_map(|verdict| verdict.errors.iter().map(move |error| (verdict.seed, error)))
 }
 
-impl VerdictCounts {
-    /// Errors of the parts that were found, with the seeds of their scenes.
-    fn errors(&self) -> impl Iterator<Item = (u64, &PartError)> {
-        let found = self.verdicts.iter().filter_map(|verdict| Some((verdict.seed, verdict.found()?.1)));
-        found.flat_map(|(seed, parts)| parts.errors.iter().map(move |error| (seed, error)))
-    }
+/// The figures of the scenes of one difficulty. Errors are distances: both axes taken together. Parts of scenes whose
+/// table was not located correctly are neither missed nor measured.
+pub fn figures(difficulty: Difficulty, verdicts: &[SceneVerdict]) -> Vec<Figure> {
+    let errors_of = |of: fn(&PartError) -> f64| errors(verdicts).map(|(_, error)| of(error)).collect::<Vec<f64>>();
+    let (centers_px, radii_px) = (errors_of(|error| error.center_px), errors_of(|error| error.radius_px));
+    let positions_mm = errors_of(|error| mm_from_m(error.position_m));
+    let over_covariance = errors_of(|error| error.over_covariance);
+    let corners_px: Vec<f64> = verdicts.iter().filter_map(|verdict| verdict.corner_errors_px).flatten().collect();
+    let errors = [
+        ("centre rms", rms(&centers_px)),
+        ("centre worst", worst(&centers_px)),
+        ("corner rms", rms(&corners_px)),
+        ("corner worst", worst(&corners_px)),
+        ("radius rms", rms(&radii_px)),
+        ("position rms", rms(&positions_mm)),
+        ("position worst", worst(&positions_mm)),
+    ];
+    let failed = |cause: usize| verdicts.iter().map(|verdict| failures(verdict)[cause]).sum::<usize>() as f64;
+    let failures = CAUSES.into_iter().enumerate().map(|(cause, name)| (name, failed(cause)));
+    let parts = verdicts.iter().map(|verdict| verdict.parts).sum::<usize>();
+    let ends = [
+        ("centre over covariance", over_covariance.iter().sum::<f64>() / over_covariance.len() as f64),
+        ("parts in all", parts as f64),
+    ];
+    let all = errors.into_iter().chain(failures).chain(ends);
+    all.map(|(name, measured)| figure(&format!("{}: {name}", difficulty.code()), measured)).collect()
+}
 
-    fn errors_of(&self, of: fn(&PartError) -> f64) -> Vec<f64> {
-        self.errors().map(|(_, error)| of(error)).collect()
-    }
-
-    /// The figures. Errors are distances: both axes taken together. Parts of scenes whose table was not
-    /// located correctly are neither missed nor measured.
-    pub fn figures(&self) -> Vec<Figure> {
-        let (centers_px, radii_px) = (self.errors_of(|error| error.center_px), self.errors_of(|error| error.radius_px));
-        let positions_mm = self.errors_of(|error| mm_from_m(error.position_m));
-        let over_covariance = self.errors_of(|error| error.over_covariance);
-        let found = self.verdicts.iter().filter_map(SceneVerdict::found);
-        let corners_px: Vec<f64> = found.flat_map(|(corner_errors_px, _)| *corner_errors_px).collect();
-        let errors = [
-            ("centre rms", rms(&centers_px)),
-            ("centre worst", worst(&centers_px)),
-            ("corner rms", rms(&corners_px)),
-            ("corner worst", worst(&corners_px)),
-            ("radius rms", rms(&radii_px)),
-            ("position rms", rms(&positions_mm)),
-            ("position worst", worst(&positions_mm)),
-        ];
-        let failed = |cause: usize| self.verdicts.iter().map(|verdict| failures(verdict)[cause]).sum::<usize>() as f64;
-        let failures = CAUSES.into_iter().enumerate().map(|(cause, name)| (name, failed(cause)));
-        let parts = self.verdicts.iter().map(|verdict| verdict.parts).sum::<usize>();
-        let ends = [
-            ("centre over covariance", over_covariance.iter().sum::<f64>() / over_covariance.len() as f64),
-            ("parts in all", parts as f64),
-        ];
-        let all = errors.into_iter().chain(failures).chain(ends);
-        all.map(|(name, measured)| figure(&format!("{}: {name}", self.difficulty.code()), measured)).collect()
-    }
-
-    /// Seeds that need attention, one cause a line: why tables were not found, then the other failures.
-    pub fn notes(&self) -> Vec<String> {
-        let faults = self.verdicts.iter().filter_map(|verdict| match &verdict.table {
-            TableVerdict::NotFound(fault) => Some((fault.to_string(), verdict.seed)),
-            _ => None,
-        });
-        let causes = (1..CAUSES.len()).flat_map(|cause| {
-            let failed = self.verdicts.iter().filter(move |verdict| failures(verdict)[cause] > 0);
-            failed.map(move |verdict| (CAUSES[cause].to_owned(), verdict.seed))
-        });
-        let mut seeds_of: Vec<(String, Vec<u64>)> = Vec::new();
-        for (cause, seed) in faults.chain(causes) {
-            match seeds_of.iter_mut().find(|(known, _)| *known == cause) {
-                Some((_, seeds)) => seeds.push(seed),
-                None => seeds_of.push((cause, vec![seed])),
-            }
+/// Seeds that need attention, one cause a line: why tables were not found, then the other failures.
+pub fn notes(difficulty: Difficulty, verdicts: &[SceneVerdict]) -> Vec<String> {
+    let faults = verdicts.iter().filter_map(|verdict| Some((verdict.fault.as_ref()?.to_string(), verdict.seed)));
+    let causes = (1..CAUSES.len()).flat_map(|cause| {
+        let failed = verdicts.iter().filter(move |verdict| failures(verdict)[cause] > 0);
+        failed.map(move |verdict| (CAUSES[cause].to_owned(), verdict.seed))
+    });
+    let mut seeds_of: Vec<(String, Vec<u64>)> = Vec::new();
+    for (cause, seed) in faults.chain(causes) {
+        match seeds_of.iter_mut().find(|(known, _)| *known == cause) {
+            Some((_, seeds)) => seeds.push(seed),
+            None => seeds_of.push((cause, vec![seed])),
         }
-        let line = |(cause, seeds): (String, Vec<u64>)| {
-            let shown: Vec<String> = seeds.iter().take(MOST_SEEDS).map(u64::to_string).collect();
-            let more = if seeds.len() > MOST_SEEDS { ", ..." } else { "" };
-            let (difficulty, all, few) = (self.difficulty.code(), self.verdicts.len(), shown.join(", "));
-            format!("{difficulty}: {cause}: {} of {all} scenes, seeds {few}{more}", seeds.len())
-        };
-        let worst = self.errors().max_by(|a, b| a.1.center_px.total_cmp(&b.1.center_px));
-        let worst = worst.map(|(seed, PartError { center_px, .. })| {
-            format!("{}: worst centre: {center_px:.3} px, seed {seed}", self.difficulty.code())
-        });
-        seeds_of.into_iter().map(line).chain(worst).collect()
     }
+    let line = |(cause, seeds): (String, Vec<u64>)| {
+        let shown: Vec<String> = seeds.iter().take(MOST_SEEDS).map(u64::to_string).collect();
+        let more = if seeds.len() > MOST_SEEDS { ", ..." } else { "" };
+        let (difficulty, all, few) = (difficulty.code(), verdicts.len(), shown.join(", "));
+        format!("{difficulty}: {cause}: {} of {all} scenes, seeds {few}{more}", seeds.len())
+    };
+    let worst = errors(verdicts).max_by(|a, b| a.1.center_px.total_cmp(&b.1.center_px));
+    let worst = worst.map(|(seed, PartError { center_px, .. })| {
+        format!("{}: worst centre: {center_px:.3} px, seed {seed}", difficulty.code())
+    });
+    seeds_of.into_iter().map(line).chain(worst).collect()
 }
 
 /// Numbers of failures in a scene by cause.
 fn failures(verdict: &SceneVerdict) -> [usize; CAUSES.len()] {
-    match &verdict.table {
-        TableVerdict::NotFound(_) => [1, 0, 0, 0, 0],
-        TableVerdict::Misplaced => [0, 1, 0, 0, 0],
-        TableVerdict::Found { parts, .. } => [0, 0, parts.missed, parts.invented, parts.misnamed],
-    }
+    let SceneVerdict { fault, misplaced, missed, invented, misnamed, .. } = verdict;
+    [usize::from(fault.is_some()), usize::from(*misplaced), *missed, *invented, *misnamed]
 }
 
 fn worst(errors: &[f64]) -> f64 {
@@ -102,7 +83,6 @@ fn worst(errors: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vision::verdicts::PartsVerdict;
     use upm_perception::vision::TableFault;
 
     #[test]
@@ -115,19 +95,18 @@ mod tests {
                 over_covariance: 2.0,
             };
             let errors: Vec<PartError> = errors.iter().map(error).collect();
-            let parts = PartsVerdict { errors, missed, invented: 0, misnamed: 1 };
-            TableVerdict::Found { corner_errors_px: [0.1; 4], parts }
+            let corner_errors_px = Some([0.1; 4]);
+            SceneVerdict { corner_errors_px, errors, missed, misnamed: 1, ..SceneVerdict::default() }
         };
         let tables = [
             found(&[0.3], 0),
-            TableVerdict::NotFound(TableFault::NotASquare),
-            TableVerdict::Misplaced,
+            SceneVerdict { fault: Some(TableFault::NotASquare), ..SceneVerdict::default() },
+            SceneVerdict { misplaced: true, ..SceneVerdict::default() },
             found(&[0.4], 2),
         ];
         let verdicts: Vec<SceneVerdict> =
-            tables.into_iter().zip(7..).map(|(table, seed)| SceneVerdict { seed, parts: 3, table }).collect();
-        let verdict_counts = VerdictCounts { difficulty: Difficulty::Rough, verdicts };
-        let figures = verdict_counts.figures();
+            tables.into_iter().zip(7..).map(|(table, seed)| SceneVerdict { seed, parts: 3, ..table }).collect();
+        let figures = figures(Difficulty::Rough, &verdicts);
         let figure = |name: &str| figures.iter().find(|figure| figure.name == format!("rough: {name}")).unwrap();
         for (name, expected) in [
             ("centre rms", (0.125f64).sqrt()),
@@ -147,7 +126,7 @@ mod tests {
         }
         assert_eq!(figure("centre rms").source, "bar 0.1 px; rendered scenes");
         assert_eq!(
-            verdict_counts.notes(),
+            notes(Difficulty::Rough, &verdicts),
             [
                 "rough: no four lines make a square that is lighter or darker than the ground: 1 of 4 scenes, seeds 8",
                 "rough: tables misplaced: 1 of 4 scenes, seeds 9",

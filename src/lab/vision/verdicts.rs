@@ -1,3 +1,4 @@
+use crate::numerics::suppress_neighbours;
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
 use upm_perception::vision::{CoinFinder, Detection, TableFault, locate_table};
@@ -6,38 +7,17 @@ use upm_scene::{Difficulty, Scene, ScenePartTruth, kinds};
 /// Error of a corner, px, above which a located table counts as misplaced.
 const MISPLACED_PX: f64 = 5.0;
 
-/// Verdict on one scene.
-#[derive(Clone, Debug, PartialEq)]
+/// Verdict on one scene. Parts of a scene whose table was not located correctly are not compared.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneVerdict {
     pub seed: u64,
     pub parts: usize,
-    pub table: TableVerdict,
-}
-
-impl SceneVerdict {
-    /// Errors of the corners, px, and the verdict on the parts, of a table located correctly.
-    pub fn found(&self) -> Option<(&[f64; 4], &PartsVerdict)> {
-        match &self.table {
-            TableVerdict::Found { corner_errors_px, parts } => Some((corner_errors_px, parts)),
-            TableVerdict::NotFound(_) | TableVerdict::Misplaced => None,
-        }
-    }
-}
-
-#[derive(Clone, Debug, PartialEq)]
-pub enum TableVerdict {
-    NotFound(TableFault),
-    /// A table was located, but in the wrong place.
-    Misplaced,
-    /// Distances of the corners from the true ones, px, and the verdict on the parts.
-    Found {
-        corner_errors_px: [f64; 4],
-        parts: PartsVerdict,
-    },
-}
-
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct PartsVerdict {
+    /// Why no table was found.
+    pub fault: Option<TableFault>,
+    /// True where a table was located, but in the wrong place.
+    pub misplaced: bool,
+    /// Distances of the corners from the true ones, px, of a table located correctly.
+    pub corner_errors_px: Option<[f64; 4]>,
     /// Errors of the parts that were found.
     pub errors: Vec<PartError>,
     pub missed: usize,
@@ -61,20 +41,20 @@ pub struct PartError {
 
 /// Locates table and parts in the scene's picture and compares them with its truth.
 pub fn evaluate(difficulty: Difficulty, scene: &Scene) -> SceneVerdict {
-    let verdict = |table| SceneVerdict { seed: scene.seed, parts: scene.parts.len(), table };
+    let verdict = SceneVerdict { seed: scene.seed, parts: scene.parts.len(), ..SceneVerdict::default() };
     let frame = scene.frame();
     let table = match locate_table(&frame, &scene.lens, scene.side_m) {
         Ok(table) => table,
-        Err(fault) => return verdict(TableVerdict::NotFound(fault)),
+        Err(fault) => return SceneVerdict { fault: Some(fault), ..verdict },
     };
     let truth = scene.corners_px();
     let corner_errors_px = [0, 1, 2, 3].map(|i| (table.corners_px[i] - truth[i]).norm());
     if !corner_errors_px.iter().all(|&off| off < MISPLACED_PX) {
-        return verdict(TableVerdict::Misplaced);
+        return SceneVerdict { misplaced: true, ..verdict };
     }
     let kinds = kinds_of(difficulty);
     let found = CoinFinder::new(&table, scene.size_px, &kinds, scene.dark_parts()).find(&frame);
-    verdict(TableVerdict::Found { corner_errors_px, parts: compare(&scene.truth(), &found) })
+    compare(SceneVerdict { corner_errors_px: Some(corner_errors_px), ..verdict }, &scene.truth(), &found)
 }
 
 /// The kinds searched for.
@@ -84,25 +64,22 @@ fn kinds_of(difficulty: Difficulty) -> Vec<PartKind> {
     kinds
 }
 
-/// Matches nearest pairs first; a part is found where a detection is within half its radius.
-fn compare(truth: &[ScenePartTruth], found: &[Detection]) -> PartsVerdict {
+/// `verdict` with that on the parts. Matches nearest pairs first; a part is found where a detection is within half its
+/// radius.
+fn compare(verdict: SceneVerdict, truth: &[ScenePartTruth], found: &[Detection]) -> SceneVerdict {
     let distance = |i: usize, k: usize| (found[k].center_px - truth[i].center_px).norm();
     let near = |&(i, k): &(usize, usize)| distance(i, k) < truth[i].radius_px / 2.0;
     let mut pairs: Vec<(usize, usize)> =
         (0..truth.len()).flat_map(|i| (0..found.len()).map(move |k| (i, k))).filter(near).collect();
     pairs.sort_by(|a, b| distance(a.0, a.1).total_cmp(&distance(b.0, b.1)));
-    let mut matched: Vec<(usize, usize)> = Vec::new();
-    for (i, k) in pairs {
-        if matched.iter().all(|pair| pair.0 != i && pair.1 != k) {
-            matched.push((i, k));
-        }
-    }
+    let mut matched = suppress_neighbours(pairs, |pair: &(usize, usize), (i, k)| pair.0 != *i && pair.1 != *k);
     matched.sort_unstable();
-    PartsVerdict {
+    SceneVerdict {
         errors: matched.iter().map(|&(i, k)| error(&truth[i], &found[k])).collect(),
         missed: truth.len() - matched.len(),
         invented: found.len() - matched.len(),
         misnamed: matched.iter().filter(|&&(i, k)| truth[i].kind != found[k].kind).count(),
+        ..verdict
     }
 }
 
@@ -142,7 +119,7 @@ mod tests {
         let truth = [part(0.0, 0), part(20.0, 1), part(40.0, 2)];
         // One right, one of another kind, a second one on the same part, one where none is.
         let found = [detection(0.2, 0), detection(20.0, 3), detection(21.0, 1), detection(100.0, 0)];
-        let verdict = compare(&truth, &found);
+        let verdict = compare(SceneVerdict::default(), &truth, &found);
         assert_eq!((verdict.missed, verdict.invented, verdict.misnamed), (1, 2, 1));
         let error = verdict.errors[0];
         assert!((error.center_px - 0.2).abs() < 1e-12 && (error.position_m - 2e-4).abs() < 1e-12);

@@ -76,8 +76,6 @@ pub struct MotionJudgement {
 pub struct Mismatch {
     /// Norm of measured minus planned acceleration, all channels and harmonics, over that of the planned.
     pub relative: f64,
-    /// Contribution of noise to `relative`, by the fit's standard deviations.
-    pub relative_sd: f64,
     /// The same difference in units of the tolerance; up to 1 the pulse is as planned.
     pub score: f64,
 }
@@ -138,23 +136,16 @@ pub fn judge(
     fit: Result<&PlateFit, &FitFault>,
     sensors: &AccelerometerPair,
 ) -> MotionJudgement {
-    match fit {
-        Ok(fit) => PulseJudge::new(expected, TraceReading::of(fit), sensors).judgement(),
-        Err(fault) => MotionJudgement { mismatch: None, verdict: unreadable(expected, fault, sensors) },
-    }
-}
-
-fn unreadable(expected: &ExpectedMotion<'_>, fault: &FitFault, sensors: &AccelerometerPair) -> MotionVerdict {
-    let Drive { base_radps, motors, .. } = expected.drive;
-    let harmonics = motors.iter().map(Vec::len).max().unwrap_or(0);
-    let planned = accelerometer_phasors(
-        &expected.velocity(harmonics, &AssumedCoilSignals::Planned),
-        *base_radps,
-        sensors.position_m,
-    );
+    let fault = match fit {
+        Ok(fit) => return PulseJudge::new(expected, TraceReading::of(fit), sensors).judgement(),
+        Err(fault) => fault,
+    };
+    let harmonics = expected.drive.motors.iter().map(Vec::len).max().unwrap_or(0);
+    let planned = expected.readings(harmonics, &AssumedCoilSignals::Planned, sensors);
     // these two mean that this rig's traces can never be read this way, whatever the plate does
     let never = matches!(fault, FitFault::Unreadable(_) | FitFault::Undetermined { .. });
-    MotionVerdict::Unreadable { strong: !never && is_strong(expected, &planned) }
+    let verdict = MotionVerdict::Unreadable { strong: !never && is_strong(expected, &planned) };
+    MotionJudgement { mismatch: None, verdict }
 }
 
 /// True for a motion strong enough that accelerometers have to show it.
@@ -183,6 +174,16 @@ impl ExpectedMotion<'_> {
     /// Base periods of the pulse's sustain.
     fn periods(&self) -> f64 {
         self.drive.envelope.sustain_s * self.drive.base_radps / std::f64::consts::TAU
+    }
+
+    /// What the accelerometers read of [`Self::velocity`].
+    fn readings(
+        &self,
+        harmonics: usize,
+        played: &AssumedCoilSignals,
+        sensors: &AccelerometerPair,
+    ) -> AccelerometerPhasors {
+        accelerometer_phasors(&self.velocity(harmonics, played), self.drive.base_radps, sensors.position_m)
     }
 
     /// The plate's velocity in `harmonics` harmonics; those absent from drive or response are zero.
@@ -217,8 +218,7 @@ struct PulseJudge<'a> {
 
 impl<'a> PulseJudge<'a> {
     fn new(expected: &'a ExpectedMotion<'a>, read: TraceReading, sensors: &'a AccelerometerPair) -> Self {
-        let velocity = expected.velocity(read.variance.len(), &AssumedCoilSignals::Planned);
-        let planned = accelerometer_phasors(&velocity, expected.drive.base_radps, sensors.position_m);
+        let planned = expected.readings(read.variance.len(), &AssumedCoilSignals::Planned, sensors);
         let deviations = if expected.periods() < 2.0 { DEVIATIONS_ONE_PERIOD } else { DEVIATIONS };
         // the residual of a channel full of noise says nothing about the others
         let others = CHANNELS as f64 / (CHANNELS - 1) as f64;
@@ -235,8 +235,9 @@ impl<'a> PulseJudge<'a> {
         if let Some((channel, _)) = self.read.noisy {
             return self.judgement_without(channel);
         }
-        let difference = self.planned.iter().zip(&self.read.accel_mps2).map(|(a, b)| distance(a, b)).sum();
-        let mismatch = self.mismatch(difference, energy(&self.planned), self.score(&self.planned));
+        let difference: f64 = self.planned.iter().zip(&self.read.accel_mps2).map(|(a, b)| distance(a, b)).sum();
+        let relative = (difference / energy(&self.planned)).sqrt();
+        let mismatch = Mismatch { relative, score: self.score(&self.planned) };
         let verdict = match mismatch.score {
             score if score <= 1.0 && self.is_drowned() && is_strong(self.expected, &self.planned) => {
                 MotionVerdict::Unreadable { strong: true }
@@ -253,17 +254,11 @@ impl<'a> PulseJudge<'a> {
         let apart = |(a, b): (&[Complex<f64>; CHANNELS], &[Complex<f64>; CHANNELS])| {
             distance(a, b) - (a[channel] - b[channel]).norm_sqr()
         };
-        let difference = self.planned.iter().zip(&self.read.accel_mps2).map(apart).sum();
+        let difference: f64 = self.planned.iter().zip(&self.read.accel_mps2).map(apart).sum();
         let score = self.score_without(channel);
-        let mismatch = self.mismatch(difference, size, score);
+        let mismatch = Mismatch { relative: (difference / size).sqrt(), score };
         let erratic = MotionVerdict::Channel { channel, kind: ChannelFault::Erratic };
         MotionJudgement { mismatch: Some(mismatch), verdict: if score <= 1.0 { erratic } else { MotionVerdict::Other } }
-    }
-
-    /// The mismatch from the energy of the difference and that of the plan.
-    fn mismatch(&self, difference: f64, size: f64, score: f64) -> Mismatch {
-        let noise = 2.0 * CHANNELS as f64 * self.read.variance.iter().sum::<f64>();
-        Mismatch { relative: (difference / size).sqrt(), relative_sd: (noise / size).sqrt(), score }
     }
 
     /// The best of the accepted explanations.

@@ -17,8 +17,8 @@ use std::f64::consts::TAU;
 use nalgebra::{Complex, DMatrix, DVector};
 use rustfft::FftPlanner;
 
+use super::twist_from_corners;
 use super::{AccelerometerPair, FitFault, accelerations_mps2, refuse_bad, refuse_cut_short, sustain_window};
-use super::{SteadyWindow, twist_from_corners};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, CHANNELS, Envelope};
 
@@ -42,19 +42,6 @@ pub struct OscillatorFit {
     pub damping_ratio: f64,
     /// Standard deviation of `damping_ratio`.
     pub damping_ratio_sd: f64,
-    /// Acceleration of one unit of force far above resonance: `1/M`.
-    pub accel_per_force: f64,
-    /// Delay from the commanded force to the force, s.
-    pub force_delay_s: f64,
-}
-
-impl OscillatorFit {
-    /// Steady acceleration for a unit of commanded force `cos wt`, as a phasor at `radps`.
-    pub fn accel_response(&self, radps: f64) -> Complex<f64> {
-        let ratio = self.natural_radps / radps;
-        let impedance = Complex::new(1.0 - ratio * ratio, -2.0 * self.damping_ratio * ratio);
-        Complex::from_polar(self.accel_per_force, -radps * self.force_delay_s) / impedance
-    }
 }
 
 /// Amplitude phasors of `values` at 0, 1, 2, … cycles over their length, up to half their number: `c - js` for
@@ -87,7 +74,10 @@ pub fn axis_lines(
     refuse_bad(sensors)?;
     let window = sustain_window(trace, envelope, base_radps)?;
     refuse_cut_short(trace, envelope)?;
-    refuse_uneven(&window, base_radps)?;
+    let samples = window.periods as f64 * TAU / (base_radps * window.step_s);
+    if (samples - window.samples.len() as f64).abs() > UNEVEN_SAMPLES {
+        return Err(FitFault::Unreadable("the periods read are not whole samples"));
+    }
     let channels = accelerations_mps2(trace, &window)?;
     let spectra: Vec<_> = channels.iter().map(|values| amplitude_spectrum(values)).collect();
     let line = |channel: usize, k: usize| {
@@ -116,15 +106,6 @@ fn axis_accelerations([x1, y1, x2, y2]: [Complex<f64>; CHANNELS], position_m: Ve
         Complex::new(re.velocity_mps.y, im.velocity_mps.y),
         Complex::new(re.spin_radps, im.spin_radps),
     ]
-}
-
-fn refuse_uneven(window: &SteadyWindow, base_radps: f64) -> Result<(), FitFault> {
-    let samples = window.periods as f64 * TAU / (base_radps * window.step_s);
-    if (samples - window.samples.len() as f64).abs() <= UNEVEN_SAMPLES {
-        Ok(())
-    } else {
-        Err(FitFault::Unreadable("the periods read are not whole samples"))
-    }
 }
 
 /// Fits the oscillator that responds to `force` with `accel`, phasors of the lines 1, 2, … of `base_radps` (any unit of
@@ -163,7 +144,7 @@ pub fn fit_oscillator(
         solved = Some(solution);
     }
     let solution = solved.ok_or(undetermined(f64::INFINITY))?;
-    let fit = oscillator(&solution, base_radps, delay_rad);
+    let fit = oscillator(&solution, base_radps);
     let found_sd = (fit.natural_sd_radps / fit.natural_radps).max(fit.damping_ratio_sd);
     // written so that NaN is rejected too
     if found_sd <= LARGEST_SD && fit.damping_ratio >= -fit.damping_ratio_sd {
@@ -223,7 +204,7 @@ fn solve(lines: &[SpectralLine], weights: &[f64], delay_rad: f64) -> Option<Solu
     })
 }
 
-fn oscillator(solution: &Solution, base_radps: f64, delay_rad: f64) -> OscillatorFit {
+fn oscillator(solution: &Solution, base_radps: f64) -> OscillatorFit {
     let [mass, damping, stiffness] = [0, 1, 2].map(|i| solution.value[i]);
     let natural = (stiffness / mass).sqrt();
     let ratio = 0.5 * damping / (stiffness * mass).sqrt();
@@ -237,8 +218,6 @@ fn oscillator(solution: &Solution, base_radps: f64, delay_rad: f64) -> Oscillato
         natural_sd_radps: base_radps * sd([-0.5 * natural / mass, 0.0, 0.5 * natural / stiffness]),
         damping_ratio: ratio,
         damping_ratio_sd: sd([-0.5 * ratio / mass, 0.5 / (stiffness * mass).sqrt(), -0.5 * ratio / stiffness]),
-        accel_per_force: mass.recip(),
-        force_delay_s: delay_rad / base_radps,
     }
 }
 

@@ -31,20 +31,24 @@ pub enum PlateFit {
     Wave(WaveFit),
 }
 
+impl PlateFit {
+    /// The fit of all harmonics, whatever the pulse.
+    pub fn motion(&self) -> &WaveFit {
+        match self {
+            Self::Twist(fit) => &fit.motion,
+            Self::Wave(fit) => fit,
+        }
+    }
+}
+
 /// The plate's motion at full height of a rotation's pulse, from one trace.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TwistFit {
-    /// Least-squares acceleration coefficients of each channel, m/s², corrected for its gain: c1, s1, c2, s2 (Eq. 12).
-    pub accel_mps2: [[f64; 4]; CHANNELS],
-    /// Standard deviation of each of them, m/s²: from the residuals of all channels together and the normal matrix.
-    pub accel_sd_mps2: [f64; 4],
-    /// Root mean square residual of the fit in each channel, m/s².
-    pub channel_residual_mps2: [f64; CHANNELS],
-    /// Root mean square residual of the fit, m/s².
-    pub residual_rms_mps2: f64,
-    /// The plate's velocity as a two-harmonic twist (Eq. 13, App. B), times from the start of the pulse.
-    pub wave: TwistWave,
-    /// The same as phasors of x (m/s), y (m/s) and spin (rad/s), for calibration.
+    /// The fit of both harmonics; its wave is the plate's velocity as a two-harmonic twist (Eq. 13, App. B).
+    pub motion: WaveFit,
+    /// Its acceleration coefficients of each channel, m/s²: c1, s1, c2, s2 (Eq. 12).
+    pub accel_mps2: [Coefficients; CHANNELS],
+    /// The velocity as phasors of x (m/s), y (m/s) and spin (rad/s), for calibration.
     pub axes: [AxisPhasors; 3],
     /// Amplitude T of the nearest pump wave `T (cos wt' - ½ cos 2wt')`; parts flow along its field. Its sign is that of
     /// the mean force (Eq. 14), so its centre of rotation and spin are those of the flow.
@@ -92,10 +96,6 @@ impl AxisPhasors {
 /// Deviation of a motion from the nearest pump wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PumpWaveQuality {
-    /// Phase of the pump wave's `t' = 0` in the base period: `w t0`, rad, from 0 to 2π.
-    pub start_rad: f64,
-    /// Share of the acceleration's energy contained in the pump wave, 0 to 1.
-    pub purity: f64,
     /// Second over first harmonic of the velocity along the pump's direction; ideally ½.
     pub harmonic_ratio: f64,
     /// Lead of the second harmonic over that of a pump wave, rad, from -π/2 to π/2; ideally 0, and at the ends the mean

@@ -54,7 +54,10 @@ pub fn fit_wave(
     let accel_mps2: [Vec<[f64; 2]>; CHANNELS] = std::array::from_fn(|channel| {
         (0..harmonics).map(|k| [coefficient(2 * k, channel), coefficient(2 * k + 1, channel)]).collect()
     });
-    refuse_weak(&accel_mps2)?;
+    let found_mps2 = accel_mps2.iter().flatten().map(|[c, s]| c.hypot(*s)).fold(0.0, f64::max);
+    if found_mps2 < WEAKEST_MPS2 || !found_mps2.is_finite() {
+        return Err(FitFault::TooWeak { found_mps2, needed_mps2: WEAKEST_MPS2 });
+    }
     let residual_rms_mps2 = (left_over.norm_squared() / left_over.len() as f64).sqrt();
     let wave = twist_wave(&accel_mps2, base_radps, sensors.position_m);
     let freedom = CHANNELS * left_over.nrows().saturating_sub(regressors.ncols()).max(1);
@@ -85,16 +88,6 @@ fn regressors(window: &SteadyWindow, base_radps: f64, harmonics: usize) -> DMatr
         }
     }
     rows
-}
-
-fn refuse_weak(accel_mps2: &[Vec<[f64; 2]>; CHANNELS]) -> Result<(), FitFault> {
-    let found_mps2 = accel_mps2.iter().flatten().map(|[c, s]| c.hypot(*s)).fold(0.0, f64::max);
-    // written so that NaN is rejected too
-    if found_mps2 >= WEAKEST_MPS2 && found_mps2.is_finite() {
-        Ok(())
-    } else {
-        Err(FitFault::TooWeak { found_mps2, needed_mps2: WEAKEST_MPS2 })
-    }
 }
 
 /// The plate's velocity (App. B, harmonic by harmonic) from the channels' acceleration coefficients.

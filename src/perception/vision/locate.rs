@@ -129,9 +129,8 @@ pub fn locate_corners(frame: &Frame, aspect: f64) -> Result<[Vec2; 4], TableFaul
 
 /// Corners of the one table in ideal coordinates.
 fn corners(frame: &Frame, lens: &Lens, shape: QuadShape) -> Result<[Vec2; 4], TableFault> {
-    let Some(sampler) = Sampler::new(frame) else {
-        return Err(TableFault::TooSmall { width: frame.width, height: frame.height });
-    };
+    let too_small = TableFault::TooSmall { width: frame.width, height: frame.height };
+    let sampler = Sampler::new(frame).ok_or(too_small)?;
     let bin = (frame.width.min(frame.height) / COARSE_CELLS).max(1);
     let points = edges(&BinnedImage::of(frame, bin));
     if points.is_empty() {

@@ -43,20 +43,11 @@ const SATURATED_SHARE: f64 = 0.03;
 /// Side of the squares to which the plate's brightness is fitted, px.
 const BIN: usize = 4;
 
-/// An object on the plate that is not a tracked part.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ForeignPart {
-    /// Middle of the covered area, m.
-    pub position_m: Vec2,
-    /// Area covered, m².
-    pub area_m2: f64,
-}
-
 /// Occupancy of the plate in one frame, apart from the tracked parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlateOccupancy<'a> {
-    /// Objects of a part's size in plain view; the first 8 of them.
-    pub foreign: &'a [ForeignPart],
+    /// Middles of objects of a part's size in plain view that are no tracked parts, m; the first 8 of them.
+    pub foreign_m: &'a [Vec2],
     /// Share of the plate hidden by an object too large for a part or one that reaches over the plate's border, or
     /// beside the last place of a part that is not seen: 0 to 1.
     pub hidden_share: f64,
@@ -86,7 +77,7 @@ pub struct PlateWatch {
     /// State of every place if no sample differed: places ignored because of tracked parts, and bare plate.
     excused: Vec<u8>,
     blobs: Blobs,
-    foreign: Vec<ForeignPart>,
+    foreign_m: Vec<Vec2>,
 }
 
 /// Gray levels of the bare plate.
@@ -133,7 +124,7 @@ impl PlateWatch {
             levels: vec![0.0; grid.len()],
             excused: vec![BARE; grid.len()],
             blobs: Blobs::new(&grid, [smallest_m, largest_m], excused_m),
-            foreign: Vec::with_capacity(MOST_FOREIGN),
+            foreign_m: Vec::with_capacity(MOST_FOREIGN),
             grid,
         }
     }
@@ -141,19 +132,19 @@ impl PlateWatch {
     /// Checks the plate in `frame`; `tracks` hold the last seen places of the parts. The first frame that shows a plate
     /// takes longer: the plate's brightness is learned from it.
     pub fn check(&mut self, frame: &Frame, tracks: &[Track]) -> PlateOccupancy<'_> {
-        self.foreign.clear();
+        self.foreign_m.clear();
         if let Some(positions) = &frame.positions {
             let dark = positions.corners_px.is_none() && positions.discs.is_empty();
             let hidden_share = if dark || positions.corners_px.is_some() { 0.0 } else { 1.0 };
-            return PlateOccupancy { foreign: &[], hidden_share, dark };
+            return PlateOccupancy { foreign_m: &[], hidden_share, dark };
         }
         match self.hidden_share(frame, tracks) {
-            Some(hidden_share) => PlateOccupancy { foreign: &self.foreign, hidden_share, dark: false },
-            None => PlateOccupancy { foreign: &[], hidden_share: 0.0, dark: true },
+            Some(hidden_share) => PlateOccupancy { foreign_m: &self.foreign_m, hidden_share, dark: false },
+            None => PlateOccupancy { foreign_m: &[], hidden_share: 0.0, dark: true },
         }
     }
 
-    /// Fills `foreign` and returns the hidden share; `None` for a frame that shows no plate.
+    /// Fills `foreign_m` and returns the hidden share; `None` for a frame that shows no plate.
     fn hidden_share(&mut self, frame: &Frame, tracks: &[Track]) -> Option<f64> {
         let whole = frame.width.checked_mul(frame.height) == Some(frame.pixels.len());
         if !whole || [frame.width, frame.height] != self.frame_size {
@@ -279,12 +270,11 @@ impl PlateWatch {
 
     /// Connects differing samples to blobs: collects foreign parts, returns the number of hidden samples.
     fn gather(&mut self) -> usize {
-        let Self { blobs, foreign, grid, .. } = self;
+        let Self { blobs, foreign_m, grid, .. } = self;
         let mut hidden = 0;
         blobs.gather(|blob| match blob {
             Blob::Hiding { samples } => hidden += samples,
-            Blob::Foreign { samples, middle } if foreign.len() < MOST_FOREIGN => foreign
-                .push(ForeignPart { position_m: grid.place_m(middle), area_m2: samples as f64 * grid.sample_m2() }),
+            Blob::Foreign { middle } if foreign_m.len() < MOST_FOREIGN => foreign_m.push(grid.place_m(middle)),
             Blob::Foreign { .. } => {}
         });
         hidden

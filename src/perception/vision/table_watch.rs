@@ -47,14 +47,9 @@ const FLAT_PROFILES: usize = 10;
 pub enum TableMotion {
     /// At least three sides are seen near their expected positions.
     Seen {
-        /// Offset of each side along its outward normal, px: top, right, bottom, left in the order of
-        /// [`Table::corners_px`], side `i` from corner `i` to the next. `None` where it is hidden.
-        sides_px: [Option<f64>; 4],
         /// Shift of the plate's image that fits the seen sides best, px, x to the right, y down.
         shift_px: Vec2,
-        /// Turn about the plate's middle, px at its farthest corner, clockwise in the image.
-        turn_px: f64,
-        /// Largest displacement of a corner, px, under that shift and turn and the growth fitted with them.
+        /// Largest displacement of a corner, px, under that shift and the turn and growth fitted with it.
         corner_px: f64,
     },
     /// Plate and ground are seen, and both where a side was: the plate has moved by more than the 6 px that profiles
@@ -111,14 +106,6 @@ struct SideReading {
     saturated: bool,
 }
 
-/// The motion of the plate that most profiles agree on.
-struct CornerFit {
-    /// Shift along x and y, turn and growth at the farthest corner, px.
-    motion: Vector4<f64>,
-    /// Mean offset of each side's profiles, px.
-    sides_px: [Option<f64>; 4],
-}
-
 impl TableWatch {
     /// For frames of `frame_size` (columns, rows).
     pub fn new(table: &Table, frame_size: [usize; 2]) -> Self {
@@ -147,9 +134,7 @@ impl TableWatch {
     pub fn set_rest(&mut self, frame: &Frame) {
         self.rest = Vector4::zeros();
         let fitted = self.read(frame).and_then(|reading| self.fit(&reading));
-        self.rest = fitted
-            .filter(|fit| self.corner_px(&fit.motion) < MOST_LOCATION_ERROR_PX)
-            .map_or(self.rest, |fit| fit.motion);
+        self.rest = fitted.filter(|motion| self.corner_px(motion) < MOST_LOCATION_ERROR_PX).unwrap_or(self.rest);
     }
 
     /// Measures the sides in `frame`. A frame of another size is [`TableMotion::Hidden`].
@@ -159,12 +144,9 @@ impl TableWatch {
         }
         let Some(reading) = self.read(frame) else { return TableMotion::Hidden };
         match self.fit(&reading) {
-            Some(CornerFit { motion, sides_px }) => TableMotion::Seen {
-                sides_px,
-                shift_px: Vec2::new(motion.x, motion.y),
-                turn_px: motion.z,
-                corner_px: self.corner_px(&motion),
-            },
+            Some(motion) => {
+                TableMotion::Seen { shift_px: Vec2::new(motion.x, motion.y), corner_px: self.corner_px(&motion) }
+            }
             None if is_displaced(&reading.levels) => TableMotion::Displaced,
             None => TableMotion::Hidden,
         }
@@ -177,9 +159,7 @@ impl TableWatch {
             ways.into_iter().min_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or_default()
         };
         TableMotion::Seen {
-            sides_px: [None; 4],
             shift_px: (0..4).map(moved).sum::<Vec2>() / 4.0,
-            turn_px: (0..4).map(|i| cross(self.corners[i], moved(i))).sum::<f64>() / 4.0,
             corner_px: (0..4).map(|i| moved(i).norm()).fold(0.0, f64::max),
         }
     }
@@ -212,8 +192,9 @@ impl TableWatch {
         Some(SideReading { levels, crossings, saturated })
     }
 
-    /// The motion that fits most profiles on at least three sides.
-    fn fit(&self, reading: &SideReading) -> Option<CornerFit> {
+    /// The motion that fits most profiles on at least three sides: shift along x and y, turn and growth at the farthest
+    /// corner, px.
+    fn fit(&self, reading: &SideReading) -> Option<Vector4<f64>> {
         let crossings = &reading.crossings;
         let mut weights = crossings.map(|at| if at.is_finite() { 1.0 } else { 0.0 });
         let (mut motion, mut scatter_px) = self.start(crossings, &weights)?;
@@ -225,15 +206,15 @@ impl TableWatch {
             motion = self.fitted(crossings, &weights)?;
             scatter_px = self.scatter_px(crossings, &motion);
         }
-        let sides_px = std::array::from_fn(|side| mean_of_side(crossings, &weights, side));
-        let seen = sides_px.iter().flatten().count();
+        let is_seen = |side: &&[f64]| side.iter().filter(|&&weight| weight > 0.0).count() >= AGREEING;
+        let seen = weights.chunks(PROFILES).filter(is_seen).count();
         if seen < SIDES || scatter_px > MOST_SCATTER_PX {
             return None;
         }
         if reading.saturated {
             motion.w = 0.0;
         }
-        Some(CornerFit { motion, sides_px })
+        Some(motion)
     }
 
     /// Largest displacement of a corner by a motion, px.
@@ -282,14 +263,6 @@ impl TableWatch {
         }
         (1.4826 * quantile(&mut off[..count], 0.5)).max(LEAST_SCATTER_PX)
     }
-}
-
-/// Mean crossing of the profiles of a side that agree, if enough do.
-fn mean_of_side(crossings: &[f64; ALL], weights: &[f64; ALL], side: usize) -> Option<f64> {
-    let profiles = side * PROFILES..(side + 1) * PROFILES;
-    let agreeing = || profiles.clone().filter(|&i| weights[i] > 0.0).map(|i| crossings[i]);
-    let count = agreeing().count();
-    (count >= AGREEING).then(|| agreeing().sum::<f64>() / count as f64)
 }
 
 /// True when some profiles are wholly on something light and others wholly on something dark: the side between the two

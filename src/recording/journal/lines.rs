@@ -254,7 +254,7 @@ impl SentLine {
                 pump_mm_s: fixed_pair(fit.pump.velocity_mps * 1e3),
                 pump_rad_s: Fixed(fit.pump.spin_radps),
                 motion: MotionRecord::of(&fit.pump).map(MotionPart::new),
-                residual_m_s2: Fixed(fit.residual_rms_mps2),
+                residual_m_s2: Fixed(fit.motion.residual_rms_mps2),
             },
             Ok(PlateFit::Wave(fit)) => ReadPart::Wave {
                 harmonics: harmonics(&fit.wave),

@@ -96,15 +96,12 @@ fn measured_mps2(trace: &AccelTrace, channel: usize, i: usize) -> f64 {
 
 /// `c1 cos wt + s1 sin wt + c2 cos 2wt + s2 sin 2wt` (Eq. 12), continued for as many harmonics as were fitted.
 fn fitted_mps2(fit: &PlateFit, channel: usize, t_s: f64) -> f64 {
-    let (coefficients, base_radps) = match fit {
-        PlateFit::Twist(fit) => (fit.accel_mps2[channel].as_chunks().0, fit.wave.base_radps),
-        PlateFit::Wave(fit) => (fit.accel_mps2[channel].as_slice(), fit.wave.base_radps),
-    };
+    let motion = fit.motion();
     let harmonic = |(k, [c, s]): (u32, &[f64; 2])| {
-        let (sin, cos) = (f64::from(k) * base_radps * t_s).sin_cos();
+        let (sin, cos) = (f64::from(k) * motion.wave.base_radps * t_s).sin_cos();
         c * cos + s * sin
     };
-    (1..).zip(coefficients).map(harmonic).sum()
+    (1..).zip(&motion.accel_mps2[channel]).map(harmonic).sum()
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::{AccelerometerPhasors, AssumedCoilSignals, MotionVerdict, PulseJudge, accelerometer_phasors, is_fault};
+use super::{AccelerometerPhasors, AssumedCoilSignals, MotionVerdict, PulseJudge, is_fault};
 use upm_core::signal::{CHANNELS, MOTORS};
 
 /// Plausible gains of an amplifier and its coil; a gain outside them is the error of something else, attributed to a
@@ -47,14 +47,12 @@ impl PulseJudge<'_> {
 
     /// The planned motion as the accelerometers feel it: the share of `coil`, and that of all others.
     fn split(&self, coil: usize) -> [AccelerometerPhasors; 2] {
-        let others = self.expected.velocity(self.planned.len(), &AssumedCoilSignals::Without(coil));
-        let others = accelerometer_phasors(&others, self.expected.drive.base_radps, self.sensors.position_m);
+        let others = self.expected.readings(self.planned.len(), &AssumedCoilSignals::Without(coil), self.sensors);
         [sum([(&self.planned, 1.0), (&others, -1.0)]), others]
     }
 
     pub(super) fn swap(&self, coils: [usize; 2]) -> (f64, MotionVerdict) {
-        let velocity = self.expected.velocity(self.planned.len(), &AssumedCoilSignals::Swapped(coils));
-        let predicted = accelerometer_phasors(&velocity, self.expected.drive.base_radps, self.sensors.position_m);
+        let predicted = self.expected.readings(self.planned.len(), &AssumedCoilSignals::Swapped(coils), self.sensors);
         (self.score(&predicted), MotionVerdict::Swapped { coils })
     }
 }

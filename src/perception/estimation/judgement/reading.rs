@@ -3,7 +3,7 @@
 use nalgebra::Complex;
 
 use super::super::accelerometer_phasors::AccelerometerPhasors;
-use super::super::{PlateFit, WEAKEST_MPS2};
+use super::super::{PlateFit, WEAKEST_MPS2, WaveFit};
 use upm_core::signal::CHANNELS;
 
 /// A channel whose residual is this many times that of any other, and at least [`WEAKEST_MPS2`], is full of noise.
@@ -19,25 +19,13 @@ pub(super) struct TraceReading {
 
 impl TraceReading {
     pub fn of(fit: &PlateFit) -> Self {
-        match fit {
-            PlateFit::Twist(fit) => {
-                let channels = fit.accel_mps2.each_ref().map(|c| c.as_chunks().0);
-                Self::new(channels, &fit.accel_sd_mps2, &fit.channel_residual_mps2)
-            }
-            PlateFit::Wave(fit) => {
-                let channels = fit.accel_mps2.each_ref().map(Vec::as_slice);
-                Self::new(channels, fit.accel_sd_mps2.as_flattened(), &fit.channel_residual_mps2)
-            }
-        }
-    }
-
-    fn new(channels: [&[[f64; 2]]; CHANNELS], sd: &[f64], residual_mps2: &[f64; CHANNELS]) -> Self {
-        let (pairs, _) = sd.as_chunks::<2>();
+        let WaveFit { accel_mps2, accel_sd_mps2, channel_residual_mps2, .. } = fit.motion();
+        let channels = accel_mps2.each_ref();
         let at = |k: usize| channels.map(|of| of.get(k).map_or_else(Complex::default, |[c, s]| Complex::new(*c, -s)));
         Self {
-            accel_mps2: (0..pairs.len()).map(at).collect(),
-            variance: pairs.iter().map(|[c, s]| 0.5 * (c * c + s * s)).collect(),
-            noisy: noisy(residual_mps2),
+            accel_mps2: (0..accel_sd_mps2.len()).map(at).collect(),
+            variance: accel_sd_mps2.iter().map(|[c, s]| 0.5 * (c * c + s * s)).collect(),
+            noisy: noisy(channel_residual_mps2),
         }
     }
 }

@@ -161,7 +161,8 @@ fn standard_deviations_are_those_of_repeated_fits() {
                 let fit = super::super::fit_twist(&noisy, &envelope, wave.base_radps, &SENSORS).unwrap();
                 for (found, truth) in fit.accel_mps2.iter().zip(&exact.accel_mps2) {
                     let errors = found.iter().zip(truth.as_flattened()).map(|(a, b)| a - b);
-                    of_twist += errors.zip(fit.accel_sd_mps2).map(|(e, sd)| (e / sd).powi(2)).sum::<f64>();
+                    let sds = fit.motion.accel_sd_mps2.as_flattened();
+                    of_twist += errors.zip(sds).map(|(e, sd)| (e / sd).powi(2)).sum::<f64>();
                 }
             }
         }

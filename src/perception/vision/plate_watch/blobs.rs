@@ -29,7 +29,6 @@ const MOST_SMALL: usize = 32;
 pub(super) enum Blob {
     /// Of a part's size, in plain view.
     Foreign {
-        samples: usize,
         /// Its middle: column and row.
         middle: Vec2,
     },
@@ -109,7 +108,7 @@ impl Blobs {
             let middle = Vec2::from(sum.map(f64::from)) / *samples as f64;
             each(match self.is_near_large(middle) {
                 true => Blob::Hiding { samples: *samples },
-                false => Blob::Foreign { samples: *samples, middle },
+                false => Blob::Foreign { middle },
             });
         }
     }

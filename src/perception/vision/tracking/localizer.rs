@@ -1,5 +1,6 @@
 use super::super::classifier::{APART, LEAST_SCORE, PartClassifier, kernel_radius_px, reach_px};
 use super::super::disk::{DiskKernel, hill_climb};
+use super::super::rim::ring::direction;
 use super::super::rim::{RAYS, RimFit};
 use super::super::sampling::Sampler;
 use super::super::{Detection, Table, Track};
@@ -161,8 +162,7 @@ impl PartLocalizer {
     fn is_believed(&self, view: &TrackingFrame, i: usize, fit: &RimFit, expected: &Expected) -> bool {
         let others = || view.tracks.iter().enumerate().filter(|(k, t)| *k != i && t.frames_unseen == 0);
         let open = (0..RAYS).filter(|&k| {
-            let (sin, cos) = ((k as f64 + 0.5) / RAYS as f64 * std::f64::consts::TAU).sin_cos();
-            let outside = fit.center_px + Vec2::new(cos, sin) * (fit.radius_px + reach_px(fit.radius_px));
+            let outside = fit.center_px + direction(k) * (fit.radius_px + reach_px(fit.radius_px));
             let free = |(_, other): (usize, &Track)| {
                 (other.seen.center_px - outside).norm() > other.seen.radius_px + reach_px(fit.radius_px)
             };
