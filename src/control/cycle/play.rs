@@ -200,7 +200,9 @@ fn read(
     sensors: &AccelerometerPair,
 ) -> Result<PlateFit, FitFault> {
     match planned {
-        PlannedPulse::Rotation(_) => fit_twist(trace, &drive.envelope, drive.base_radps, sensors).map(PlateFit::Twist),
+        PlannedPulse::Rotation(_) => {
+            fit_twist(trace, &drive.envelope, drive.base_radps, sensors).map(Box::new).map(PlateFit::Twist)
+        }
         PlannedPulse::Field(field) => {
             let harmonics = field.wave.harmonics.len();
             fit_wave(trace, &drive.envelope, drive.base_radps, harmonics, sensors).map(PlateFit::Wave)

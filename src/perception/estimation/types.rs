@@ -26,7 +26,7 @@ impl AccelerometerPair {
 #[derive(Clone, Debug, PartialEq)]
 pub enum PlateFit {
     /// Motion of a rotation's pulse.
-    Twist(TwistFit),
+    Twist(Box<TwistFit>),
     /// Motion of a synthesised motion's pulse.
     Wave(WaveFit),
 }

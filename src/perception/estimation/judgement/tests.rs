@@ -124,7 +124,7 @@ fn judged_trace(drive: &Drive, trace: &AccelTrace) -> MotionJudgement {
 fn judged_under_load(drive: &Drive, trace: &AccelTrace, load_mps2: f64) -> MotionJudgement {
     let harmonics = drive.motors[0].len();
     let fit = if harmonics == 2 {
-        fit_twist(trace, &drive.envelope, BASE_RADPS, &SENSORS).map(PlateFit::Twist)
+        fit_twist(trace, &drive.envelope, BASE_RADPS, &SENSORS).map(Box::new).map(PlateFit::Twist)
     } else {
         fit_wave(trace, &drive.envelope, BASE_RADPS, harmonics, &SENSORS).map(PlateFit::Wave)
     };
