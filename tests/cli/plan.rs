@@ -118,7 +118,7 @@ fn missing_direction_makes_the_job_infeasible_and_ends_its_run_at_the_first_obse
 fn speed_that_can_be_held_is_in_the_plan_and_a_faster_one_is_told_by_the_run() {
     let folder = TempDir::new().unwrap();
     let file = shipped(folder.path(), "plus-sign-upm-2", |job| {
-        let path = json!({"circle": {"radius_mm": 40}, "speed_mm_s": 500, "repeat": 2});
+        let path = json!({"circle": {"radius_mm": 25}, "speed_mm_s": 500, "repeat": 2});
         job["task"] = json!({"type": "trajectories", "paths": [path]});
     });
     let forecast = number(&planned(&file, 0)["plan"]["speed_mm_s"]["can_be_held"]);

@@ -176,7 +176,7 @@ impl ExpectedMotion<'_> {
         self.drive.envelope.sustain_s * self.drive.base_radps / std::f64::consts::TAU
     }
 
-    /// What the accelerometers read of [`Self::velocity`].
+    /// The accelerometers' readings of [`Self::velocity`].
     fn readings(
         &self,
         harmonics: usize,
