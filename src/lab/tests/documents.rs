@@ -260,8 +260,8 @@ fn rocking_has_the_figures_of_the_lab_page() {
 }
 
 #[test]
-#[ignore = "long: `cargo test -- --ignored` runs it"]
-fn array_of_resonators_has_the_figures_of_the_lab_page() {
+#[ignore = "campaign: `cargo test -p upm-lab -- --ignored campaign_of` runs it"]
+fn campaign_of_an_array_of_resonators_has_the_figures_of_the_lab_page() {
     let mchip = Figures::of(&["mchip"]);
     let get = |name: &str| mchip.get(name);
     let percent = |name: &str| 100.0 * get(name);
