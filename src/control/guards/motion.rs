@@ -5,7 +5,7 @@ use upm_core::job::Finding;
 use upm_core::signal::{CHANNEL_NAMES, Drive};
 use upm_core::units::GRAVITY_MPS2;
 use upm_perception::estimation::{
-    AccelerometerPair, ChannelFault, ExpectedMotion, FitFault, MotionVerdict, PlateFit, judge,
+    AccelerometerPair, ChannelFault, ExpectedMotion, FitFault, MotionVerdict, PlateFit, RunnerUp, judge,
 };
 use upm_planning::cor_library::{CoilResponse, Library};
 use upm_planning::planner::PlannedPulse;
@@ -23,6 +23,8 @@ const REVERSED: f64 = 2.0;
 const NEARLY_REVERSED: f64 = 0.1;
 /// Number of consecutive pulses with a smaller deviation before it is reported.
 const OFF_IN_A_ROW: u32 = 2;
+/// Largest odds that are told in figures: nobody checks an explanation that is a thousand times less likely.
+const TOLD_ODDS: f64 = 1000.0;
 
 /// A finding on coils or accelerometers from one pulse.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,7 +98,12 @@ impl MotionGuard {
     pub fn check(&mut self, expected: &ExpectedMotion<'_>, reading: &PulseReading<'_>) -> Option<MotionFinding> {
         let judged = judge(expected, reading.fit.as_ref(), reading.sensors);
         let off = judged.mismatch.map_or(0.0, |mismatch| mismatch.relative);
-        self.finding(judged.verdict, off, reading.went, reading.swing)
+        let mut finding = self.finding(judged.verdict, off, reading.went, reading.swing)?;
+        if let Some(RunnerUp { verdict, odds }) = judged.runner_up {
+            let more = if odds > TOLD_ODDS { "more than " } else { "" };
+            finding.reason += &format!(" ({more}{:.0}:1 over {})", odds.min(TOLD_ODDS), name_of(verdict));
+        }
+        Some(finding)
     }
 
     fn finding(
@@ -136,27 +143,24 @@ impl MotionGuard {
                 None
             }
             MotionVerdict::Channel { channel, kind } => {
-                let name = CHANNEL_NAMES.get(channel).copied().unwrap_or("?");
                 let shows = match kind {
                     ChannelFault::Dead => "shows nothing".to_owned(),
                     ChannelFault::Reversed => "has the wrong sign".to_owned(),
                     ChannelFault::Gain(gain) => format!("shows {gain:.2} of the motion"),
                     ChannelFault::Erratic => "does not agree with the other three".to_owned(),
                 };
-                let reason = format!("accelerometer channel {name} {shows}: pulses are watched by the camera alone");
+                let reason = format!("{} {shows}: pulses are watched by the camera alone", name_of(verdict));
                 found(Found::about(Finding::AccelerometerFault, channel), reason, false)
             }
             MotionVerdict::Coil { coil, gain, .. } => {
-                let name = COILS.get(coil).copied().unwrap_or("?");
                 let is_bearable = (BEARABLE_GAIN.0..=BEARABLE_GAIN.1).contains(&gain);
+                let name = name_of(verdict);
                 let reason =
-                    format!("coil {name} gives {gain:.2} of its force; the plate moved {percent:.0} % off the plan");
+                    format!("{name} gives {gain:.2} of its force; the plate moved {percent:.0} % off the plan");
                 found(Found::about(Finding::CoilFault, coil), reason, !is_bearable)
             }
-            MotionVerdict::Swapped { coils: [a, b] } => {
-                let [first, second] = [a, b].map(|coil| COILS.get(coil).copied().unwrap_or("?"));
-                let reason = format!("coils {first} and {second} are swapped");
-                found(Found::about(Finding::CoilFault, a), reason, true)
+            MotionVerdict::Swapped { coils: [coil, _] } => {
+                found(Found::about(Finding::CoilFault, coil), name_of(verdict), true)
             }
             MotionVerdict::Channels => {
                 let reason = "the accelerometers show what no motion of a plate shows".to_owned();
@@ -188,6 +192,16 @@ impl MotionGuard {
                 true,
             ),
         }
+    }
+}
+
+/// The coil, channel or pair of coils that a verdict is about.
+fn name_of(verdict: MotionVerdict) -> String {
+    match verdict {
+        MotionVerdict::Coil { coil, .. } => format!("coil {}", COILS[coil]),
+        MotionVerdict::Channel { channel, .. } => format!("accelerometer channel {}", CHANNEL_NAMES[channel]),
+        MotionVerdict::Swapped { coils: [a, b] } => format!("coils {} and {} swapped", COILS[a], COILS[b]),
+        _ => "another motion".to_owned(),
     }
 }
 

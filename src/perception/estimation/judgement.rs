@@ -69,6 +69,18 @@ pub struct MotionJudgement {
     pub mismatch: Option<Mismatch>,
     /// Explanation of the difference.
     pub verdict: MotionVerdict,
+    /// The best explanation by another coil, channel or pair of coils, where one coil, channel or pair is the verdict.
+    pub runner_up: Option<RunnerUp>,
+}
+
+/// The explanation that the senses can tell least from the verdict.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunnerUp {
+    /// The explanation.
+    pub verdict: MotionVerdict,
+    /// Odds of the judgement's verdict over it: the ratio of their likelihoods, were each tolerance a standard
+    /// deviation. Tolerances are wider, so the true odds are higher.
+    pub odds: f64,
 }
 
 /// Difference between the planned and the measured motion.
@@ -145,7 +157,7 @@ pub fn judge(
     // these two mean that this rig's traces can never be read this way, whatever the plate does
     let never = matches!(fault, FitFault::Unreadable(_) | FitFault::Undetermined { .. });
     let verdict = MotionVerdict::Unreadable { strong: !never && is_strong(expected, &planned) };
-    MotionJudgement { mismatch: None, verdict }
+    MotionJudgement { mismatch: None, verdict, runner_up: None }
 }
 
 /// True for a motion strong enough that accelerometers have to show it.
@@ -238,14 +250,14 @@ impl<'a> PulseJudge<'a> {
         let difference: f64 = self.planned.iter().zip(&self.read.accel_mps2).map(|(a, b)| distance(a, b)).sum();
         let relative = (difference / energy(&self.planned)).sqrt();
         let mismatch = Mismatch { relative, score: self.score(&self.planned) };
-        let verdict = match mismatch.score {
+        let (verdict, runner_up) = match mismatch.score {
             score if score <= 1.0 && self.is_drowned() && is_strong(self.expected, &self.planned) => {
-                MotionVerdict::Unreadable { strong: true }
+                (MotionVerdict::Unreadable { strong: true }, None)
             }
-            score if score <= 1.0 => MotionVerdict::AsPlanned,
+            score if score <= 1.0 => (MotionVerdict::AsPlanned, None),
             _ => self.explanation(),
         };
-        MotionJudgement { mismatch: Some(mismatch), verdict }
+        MotionJudgement { mismatch: Some(mismatch), verdict, runner_up }
     }
 
     /// The judgement without `channel`, which is full of noise.
@@ -258,25 +270,32 @@ impl<'a> PulseJudge<'a> {
         let score = self.score_without(channel);
         let mismatch = Mismatch { relative: (difference / size).sqrt(), score };
         let erratic = MotionVerdict::Channel { channel, kind: ChannelFault::Erratic };
-        MotionJudgement { mismatch: Some(mismatch), verdict: if score <= 1.0 { erratic } else { MotionVerdict::Other } }
+        let verdict = if score <= 1.0 { erratic } else { MotionVerdict::Other };
+        MotionJudgement { mismatch: Some(mismatch), verdict, runner_up: None }
     }
 
-    /// The best of the accepted explanations.
-    fn explanation(&self) -> MotionVerdict {
+    /// The best explanation, if one is accepted, and its runner-up.
+    fn explanation(&self) -> (MotionVerdict, Option<RunnerUp>) {
         let pairs = (0..MOTORS).flat_map(|a| (a + 1..MOTORS).map(move |b| [a, b]));
         let coils = (0..MOTORS).map(|coil| self.coil(coil));
         let channels = (0..CHANNELS).map(|channel| self.channel(channel));
         let swaps = pairs.map(|coils| self.swap(coils));
-        let held = coils.chain(channels).chain(swaps).filter(|(score, _)| *score <= 1.0);
-        if let Some((_, verdict)) = held.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
-            return verdict;
+        let mut ranked: Vec<(f64, MotionVerdict)> = coils.chain(channels).chain(swaps).collect();
+        ranked.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        if let [(best, verdict), (other, runner_up), ..] = ranked[..]
+            && best <= 1.0
+        {
+            let coefficients = (2 * CHANNELS * self.noise.len()) as f64;
+            let odds = (0.5 * coefficients * (other * other - best * best)).exp();
+            return (verdict, other.is_finite().then_some(RunnerUp { verdict: runner_up, odds }));
         }
         let erratic = (0..CHANNELS).map(|channel| (self.score_without(channel), channel));
-        match erratic.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
+        let verdict = match erratic.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
             Some((score, channel)) if score <= 1.0 => MotionVerdict::Channel { channel, kind: ChannelFault::Erratic },
             _ if !self.is_rigid() => MotionVerdict::Channels,
             _ => self.one_coil_of_weak_ones().unwrap_or(MotionVerdict::Other),
-        }
+        };
+        (verdict, None)
     }
 
     /// True when noise exceeds the planned motion in every harmonic.

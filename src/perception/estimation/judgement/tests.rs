@@ -201,6 +201,8 @@ proptest! {
     #[test]
     fn single_coil_of_a_rotation_is_blamed_with_its_gain(seed: u64, coil in 0..MOTORS, gain in -1.5..0.8f64) {
         let judgement = weak(coil, gain).judged(&strong_rotation(), seed);
+        let odds = judgement.runner_up.map(|runner_up| runner_up.odds);
+        prop_assert!(odds.is_none_or(|odds| odds > 100.0), "{:?}", judgement);
         let MotionVerdict::Coil { coil: found, gain: read, .. } = judgement.verdict else {
             return Err(TestCaseError::fail(format!("{judgement:?}")));
         };
@@ -221,6 +223,15 @@ proptest! {
             return Err(TestCaseError::fail(format!("{verdict:?}")));
         };
         prop_assert!(found == of && (read - gain).abs() < 0.02, "{:?} of {}, {}", verdict, of, gain);
+    }
+
+    /// The clearer a fault, the higher the odds over another explanation, and none is as likely as the true one.
+    #[test]
+    fn odds_over_the_runner_up_grow_with_the_fault(seed: u64, coil in 0..MOTORS) {
+        let drive = strong_field(seed, 3.0);
+        let odds = |gain: f64| weak(coil, gain).judged(&drive, seed).runner_up.map_or(f64::INFINITY, |r| r.odds);
+        let [slight, dead] = [odds(0.85), odds(0.0)];
+        prop_assert!(slight >= 1.0 && dead >= slight, "{} {}", slight, dead);
     }
 
     #[test]
