@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 
 use super::findings::Findings;
 use super::found::{Found, finding_of_plan, no_plan_reason};
-use super::guards::{CoilResponses, MotionGuard, StepGuard};
+use super::guards::{CoilResponses, Limits, MotionGuard, StepGuard};
 use super::params::ControlParams;
 use super::perception::{FramePurpose, Perception};
 use super::planning::{Planning, STALLED_S};
@@ -16,7 +16,7 @@ use super::pulse_planner::PulsePlanner;
 use super::run_end::{OrEnd, RunEnd, check_stop};
 use super::{CycleFacts, EventFacts, EventKind, EventLevel, RunIo};
 use upm_core::geometry::Vec2;
-use upm_core::job::{Finding, Outcome};
+use upm_core::job::{Evidence, Finding, Outcome};
 use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
@@ -44,6 +44,8 @@ pub struct FinalState {
     pub measured_m: Vec<Vec2>,
     /// Indices of the parts that are lost.
     pub lost: Vec<usize>,
+    /// How near the run came to the findings that rest on chance; `None` when it never began.
+    pub evidence: Option<Evidence>,
 }
 
 /// Runs `task` to its end. Motors are at zero when this returns, also after an error.
@@ -57,9 +59,11 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
     };
     let finish = match open(&mut io) {
         Continue((planner, perception)) => {
+            let parts_share = params.parts_mass_kg() / io.model.plate_mass_kg;
+            let limits = params.guards.limits(params.parts.len());
             let mut cycle = ControlCycle {
                 planning: Planning::new(params, library, planner, 0.5 * io.model.plate_side_m),
-                coil_responses: CoilResponses::new(library, params.parts_mass_kg() / io.model.plate_mass_kg),
+                coil_responses: CoilResponses::new(library, parts_share, limits.motion),
                 io: &mut io,
                 library,
                 task,
@@ -71,7 +75,8 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
                 furthest: 0.0,
                 index: 0,
                 motion: MotionGuard::default(),
-                steps: StepGuard::default(),
+                steps: StepGuard::new(limits.steps),
+                limits,
                 unconfirmed: 0,
                 is_cautious: false,
             };
@@ -105,6 +110,7 @@ struct ControlCycle<'a, 'io> {
     coil_responses: CoilResponses,
     motion: MotionGuard,
     steps: StepGuard,
+    limits: Limits,
     /// Number of times the goal seemed reached and a second observation contradicted.
     unconfirmed: u32,
     /// True once a tolerable fault of a coil or an accelerometer was found: steps are shorter from then on.
@@ -132,7 +138,15 @@ impl ControlCycle<'_, '_> {
             self.perception.findings.end_run(self.io.rig.now(), self.io.sink);
         }
         let lost = if self.is_part_lost() { self.perception.missing_parts() } else { Vec::new() };
-        FinalState { ending, wanted: self.wanted.take(), measured_m: self.perception.positions_m(), lost }
+        let (wanted, measured_m) = (self.wanted.take(), self.perception.positions_m());
+        FinalState { ending, wanted, measured_m, lost, evidence: Some(self.evidence()) }
+    }
+
+    fn evidence(&self) -> Evidence {
+        let Limits { motion: motion_limit, late: late_limit, steps: steps_limit } = self.limits;
+        let ((pulses, motion), [steps, steps_missed]) = (self.motion.read, self.steps.compared);
+        let late = self.perception.delay.most();
+        Evidence { pulses, motion, motion_limit, late, late_limit, steps, steps_missed, steps_limit }
     }
 
     /// One cycle, from an observation at rest to the next, whose positions it returns.

@@ -128,7 +128,7 @@ impl Perception {
             off_plate: 0,
             relocated: false,
             expected_m,
-            delay: DelayGuard::new(model.frame_hz),
+            delay: DelayGuard::new(model.frame_hz, guards.limits(parts.len()).late),
             stillness: StillnessGuard::default(),
             findings: Findings::default(),
         })

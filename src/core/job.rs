@@ -1,5 +1,6 @@
 //! Vocabulary of runs that all crates share: outcomes, causes, recordings, pace, layout and the motion of the plate.
 
+mod evidence;
 mod finding;
 mod stop_cause;
 
@@ -10,6 +11,7 @@ use crate::coded_enum;
 use crate::geometry::Vec2;
 use crate::units::{mm, mm_point, mm_points};
 
+pub use evidence::Evidence;
 pub use finding::{Effect, Finding};
 pub use stop_cause::{StopCause, StopRequest};
 

@@ -6,7 +6,7 @@ use super::lengths::{mm, point_mm};
 use super::timings::TimingsReport;
 use upm_core::document::schema_of;
 use upm_core::geometry::Vec2;
-use upm_core::job::{CameraMode, Outcome, StopCause};
+use upm_core::job::{CameraMode, Evidence, Outcome, StopCause};
 
 /// `report.json`. Lengths in mm, to 1e-4.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -77,6 +77,9 @@ pub struct Report {
     /// Guards that fired, in the order in which they did.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub guards: Vec<GuardReport>,
+    /// How near the run came to the findings that rest on chance; `None` when it never began.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub evidence: Option<Evidence>,
     /// Faults of the simulated rig that began within the run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultEntry>,

@@ -57,7 +57,7 @@ pub(super) fn measure(
     library: &Library,
     params: &CalibrationParams,
 ) -> Result<DisplacementModel, CalibrationFault> {
-    let guards = Guards { without: Some(Finding::PartsJumped) };
+    let guards = Guards { without: Some(Finding::PartsJumped), ..Guards::default() };
     let opened = Perception::open(&mut session.io(&mut SilentSink), &params.kinds, &params.coins, guards);
     let mut perception = into_result(opened)?;
     let (sustain_s, opening) = choose_sustains(session, &mut perception, library, params)?;

@@ -102,7 +102,8 @@ impl ControlCycle<'_, '_> {
             return Continue(());
         };
         let does = if finding == Finding::PartStuck { "hardly moves" } else { "goes the other way" };
-        let reason = format!("{} {does} although four pulses in a row should carry it", self.params.id(part));
+        let (id, pulses) = (self.params.id(part), self.limits.steps);
+        let reason = format!("{id} {does} although {pulses} pulses in a row should carry it");
         Break(self.end_by(Found::about(finding, part), reason))
     }
 

@@ -5,7 +5,7 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use super::ControlCycle;
 use crate::PulseFacts;
-use crate::guards::MotionFinding;
+use crate::guards::{CoilResponses, MotionFinding};
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, flow, is_stopped};
 use upm_core::job::Finding;
@@ -21,7 +21,8 @@ impl ControlCycle<'_, '_> {
     pub(super) fn probe(&mut self) -> OrEnd {
         let Some((mut drive, coils)) = self.library.probe() else { return Continue(()) };
         drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.io.model.max_sustain_s);
-        let expected = ExpectedMotion { drive: &drive, coils: &coils, load_mps2: self.coil_responses.load_mps2 };
+        let CoilResponses { load_mps2, limit, .. } = self.coil_responses;
+        let expected = ExpectedMotion { drive: &drive, coils: &coils, load_mps2, limit };
         for _ in 0..MOST_PROBES {
             let fit = self.play_probe(&expected)?;
             if !self.perception.invalidates_plan() {

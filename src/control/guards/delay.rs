@@ -17,10 +17,9 @@ const NOISE_PX: f64 = 0.05;
 const MODEL_ERROR: f64 = 0.1;
 /// Gains of the swing that count as planned: a weak coil changes its height, not its time.
 const GAINS: (f64, f64) = (0.6, 1.7);
-/// Log-likelihood ratio, summed over pulses, at which pictures are late. By Wald's bound healthy pulses exceed `h` once
-/// in `exp(h)` for each delay: 29 delays in 1,000 h with three pulses a second are 3e8 chances.
-const CERTAIN: f64 = 19.5;
-/// The same for one pulse that casts doubt: one in a hundred.
+/// Delays that are late.
+pub(super) const DELAYS: usize = LONGEST - LATE + 1;
+/// Log-likelihood ratio of one pulse that casts doubt: one in a hundred.
 const DOUBTFUL: f64 = 4.6;
 /// Least planned swing that shows its height, root of the sum of squares, px.
 const LEAST_SWING_PX: f64 = 0.6;
@@ -35,6 +34,9 @@ const OTHERWISE: f64 = 0.25;
 #[derive(Clone, Debug, Default)]
 pub struct DelayGuard {
     frame_s: f64,
+    limit: f64,
+    /// Most evidence so far.
+    most: f64,
     /// The last frames, oldest first; frames that never arrived keep their place.
     frames: VecDeque<CornerDisplacement>,
     /// Number of the newest frame.
@@ -108,9 +110,9 @@ pub struct PlateSwing {
 }
 
 impl DelayGuard {
-    /// A guard for a camera of this frame rate.
-    pub fn new(frame_hz: f64) -> Self {
-        Self { frame_s: frame_hz.recip(), ..Self::default() }
+    /// A guard for a camera of this frame rate, and the evidence, summed over pulses, at which pictures are late.
+    pub fn new(frame_hz: f64, limit: f64) -> Self {
+        Self { frame_s: frame_hz.recip(), limit, ..Self::default() }
     }
 
     /// A pulse begins at `at_s` of plate time; the plate should swing as `swing`.
@@ -171,6 +173,11 @@ impl DelayGuard {
         }
     }
 
+    /// Most evidence so far for any delay, or for another motion than the drive's.
+    pub fn most(&self) -> f64 {
+        self.most
+    }
+
     /// Ends a pulse. Returns the delay of the frames once it is certain.
     pub fn end(&mut self) -> Option<PictureLag> {
         let in_time = self.in_time();
@@ -180,8 +187,9 @@ impl DelayGuard {
         let swing_px2 = self.seen().map(|(i, ..)| self.expected(i, 0).powi(2)).sum();
         self.unseen = (self.unseen + in_time.evidence_for(self.residual(|_| 0.0), swing_px2)).max(0.0);
         let most = self.late.iter().copied().fold(0.0, f64::max);
-        if most < CERTAIN {
-            return (self.unseen >= CERTAIN).then_some(PictureLag::Unseen);
+        self.most = self.most.max(most).max(self.unseen);
+        if most < self.limit {
+            return (self.unseen >= self.limit).then_some(PictureLag::Unseen);
         }
         // equal pulses at equal intervals are explained by a delay and by that delay plus one interval
         let alike = |delay: usize| self.late.get(delay).is_some_and(|evidence| *evidence >= most - DOUBTFUL);

@@ -44,13 +44,16 @@ pub struct CoilResponses {
     rotation: Option<CoilResponse>,
     /// See [`ExpectedMotion::load_mps2`].
     pub load_mps2: f64,
+    /// See [`ExpectedMotion::limit`].
+    pub limit: f64,
 }
 
 impl CoilResponses {
-    /// The responses in `library`, of a plate with parts of this mass on it, as a share of its own.
-    pub fn new(library: &Library, parts_share: f64) -> Self {
+    /// The responses in `library`, of a plate with parts of this mass on it, as a share of its own, and the deviation
+    /// that is a finding.
+    pub fn new(library: &Library, parts_share: f64, limit: f64) -> Self {
         let load_mps2 = MOST_FRICTION * GRAVITY_MPS2 * parts_share;
-        Self { field: library.field_coils(), rotation: library.rotation_coils(), load_mps2 }
+        Self { field: library.field_coils(), rotation: library.rotation_coils(), load_mps2, limit }
     }
 
     /// The expected motion of a pulse; `None` where the library does not give it.
@@ -59,7 +62,7 @@ impl CoilResponses {
             PlannedPulse::Field(_) => self.field.as_ref()?,
             PlannedPulse::Rotation(_) => self.rotation.as_ref()?,
         };
-        Some(ExpectedMotion { drive, coils, load_mps2: self.load_mps2 })
+        Some(ExpectedMotion { drive, coils, load_mps2: self.load_mps2, limit: self.limit })
     }
 }
 
@@ -80,6 +83,8 @@ pub struct PulseReading<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct MotionGuard {
     off: u32,
+    /// Pulses that were read, and the largest deviation among them, in tolerances.
+    pub read: (u64, f64),
     /// True when an earlier pulse has shown that the accelerometers are at fault.
     doubts_sensors: bool,
     /// True when it has named a channel, or shown that the channels disagree.
@@ -98,6 +103,9 @@ impl MotionGuard {
     pub fn check(&mut self, expected: &ExpectedMotion<'_>, reading: &PulseReading<'_>) -> Option<MotionFinding> {
         let judged = judge(expected, reading.fit.as_ref(), reading.sensors);
         let off = judged.mismatch.map_or(0.0, |mismatch| mismatch.relative);
+        if let Some(mismatch) = judged.mismatch {
+            self.read = (self.read.0 + 1, self.read.1.max(mismatch.score));
+        }
         let mut finding = self.finding(judged.verdict, off, reading.went, reading.swing)?;
         if let Some(RunnerUp { verdict, odds }) = judged.runner_up {
             let more = if odds > TOLD_ODDS { "more than " } else { "" };

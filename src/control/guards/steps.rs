@@ -10,8 +10,6 @@ const SHORTEST_OF_MANY_M: f64 = 3e-3;
 const MANY: usize = 8;
 /// A part that moves less than this share of its forecast step hardly moves.
 const STUCK: f64 = 0.2;
-/// Number of such pulses in a row that makes a finding.
-const IN_A_ROW: u32 = 4;
 /// Least share of the forecast step along it, and largest across it, with which a part moved as forecast.
 const AS_FORECAST: f64 = 0.5;
 /// Largest deviation from the forecast place with which a part is there: m, plus this share of its step.
@@ -19,15 +17,23 @@ const NEAR_M: f64 = 5e-4;
 const NEAR_OF_STEP: f64 = 0.15;
 
 /// Compares the measured step of each part with its forecast.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct StepGuard {
+    in_a_row: u32,
     stuck: Vec<u32>,
     astray: Vec<u32>,
+    /// Steps that were compared, and those that missed their forecast.
+    pub compared: [u64; 2],
 }
 
 impl StepGuard {
-    /// Takes the steps of one pulse. Returns the first part that has deviated from its forecasts four times in a row,
-    /// and whether it hardly moves or moves against them.
+    /// A guard for which so many steps of a part in a row make a finding.
+    pub fn new(in_a_row: u32) -> Self {
+        Self { in_a_row, stuck: Vec::new(), astray: Vec::new(), compared: [0; 2] }
+    }
+
+    /// Takes the steps of one pulse. Returns the first part that has missed its forecasts too often in a row, and
+    /// whether it hardly moves or moves against them.
     pub fn check(&mut self, before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<(usize, Finding)> {
         self.stuck.resize(before_m.len(), 0);
         self.astray.resize(before_m.len(), 0);
@@ -43,10 +49,12 @@ impl StepGuard {
             let count = |held: u32, holds: bool| if holds { held + 1 } else { 0 };
             self.stuck[part] = count(self.stuck[part], went.norm() < STUCK * length_m);
             self.astray[part] = count(self.astray[part], along < -STUCK);
-            let unlike = if self.astray[part] >= IN_A_ROW {
+            self.compared[0] += 1;
+            self.compared[1] += u64::from(self.stuck[part].max(self.astray[part]) > 0);
+            let unlike = if self.astray[part] >= self.in_a_row {
                 Some(Finding::PartAstray)
             } else {
-                (self.stuck[part] >= IN_A_ROW).then_some(Finding::PartStuck)
+                (self.stuck[part] >= self.in_a_row).then_some(Finding::PartStuck)
             };
             found = found.or(unlike.map(|unlike| (part, unlike)));
         }
@@ -92,7 +100,7 @@ mod tests {
 
     /// Findings in each of several pulses that should carry two parts 4 mm along x; the second moves `share` of it.
     fn found(shares: &[f64]) -> Vec<Option<(usize, Finding)>> {
-        let (mut guard, start) = (StepGuard::default(), [Vec2::zeros(); 2]);
+        let (mut guard, start) = (StepGuard::new(4), [Vec2::zeros(); 2]);
         let step = Vec2::new(4e-3, 0.0);
         shares.iter().map(|&share| guard.check(&start, &[step; 2], &[step, step * share])).collect()
     }

@@ -2,7 +2,7 @@
 //! explains it.
 //!
 //! Every explanation predicts the accelerometer readings ([`accelerometer_phasors`]). A prediction is compared with the
-//! reading by `score² = mean of |difference|² / tolerance²` over all coefficients, and is accepted up to a score of 1.
+//! reading by `score² = mean of |difference|² / tolerance²` over all coefficients, and is accepted up to a limit near 1.
 //! The simplest accepted explanation is the verdict: the plan, then one coil, channel or pair of coils, the best of
 //! those accepted.
 //!
@@ -60,6 +60,8 @@ pub struct ExpectedMotion<'a> {
     pub coils: &'a [Vec<TwistHarmonic>; MOTORS],
     /// Most that the friction of the parts on the plate changes its acceleration by, m/s². Calibration moves few.
     pub load_mps2: f64,
+    /// Deviation, in tolerances, from which on a motion is not as planned, and an explanation does not hold.
+    pub limit: f64,
 }
 
 /// Deviation of a pulse from the plan, and its explanation.
@@ -88,7 +90,7 @@ pub struct RunnerUp {
 pub struct Mismatch {
     /// Norm of measured minus planned acceleration, all channels and harmonics, over that of the planned.
     pub relative: f64,
-    /// The same difference in units of the tolerance; up to 1 the pulse is as planned.
+    /// The same difference in units of the tolerance; up to the limit the pulse is as planned.
     pub score: f64,
 }
 
@@ -251,10 +253,10 @@ impl<'a> PulseJudge<'a> {
         let relative = (difference / energy(&self.planned)).sqrt();
         let mismatch = Mismatch { relative, score: self.score(&self.planned) };
         let (verdict, runner_up) = match mismatch.score {
-            score if score <= 1.0 && self.is_drowned() && is_strong(self.expected, &self.planned) => {
+            score if score <= self.expected.limit && self.is_drowned() && is_strong(self.expected, &self.planned) => {
                 (MotionVerdict::Unreadable { strong: true }, None)
             }
-            score if score <= 1.0 => (MotionVerdict::AsPlanned, None),
+            score if score <= self.expected.limit => (MotionVerdict::AsPlanned, None),
             _ => self.explanation(),
         };
         MotionJudgement { mismatch: Some(mismatch), verdict, runner_up }
@@ -270,7 +272,7 @@ impl<'a> PulseJudge<'a> {
         let score = self.score_without(channel);
         let mismatch = Mismatch { relative: (difference / size).sqrt(), score };
         let erratic = MotionVerdict::Channel { channel, kind: ChannelFault::Erratic };
-        let verdict = if score <= 1.0 { erratic } else { MotionVerdict::Other };
+        let verdict = if score <= self.expected.limit { erratic } else { MotionVerdict::Other };
         MotionJudgement { mismatch: Some(mismatch), verdict, runner_up: None }
     }
 
@@ -283,7 +285,7 @@ impl<'a> PulseJudge<'a> {
         let mut ranked: Vec<(f64, MotionVerdict)> = coils.chain(channels).chain(swaps).collect();
         ranked.sort_by(|(a, _), (b, _)| a.total_cmp(b));
         if let [(best, verdict), (other, runner_up), ..] = ranked[..]
-            && best <= 1.0
+            && best <= self.expected.limit
         {
             let coefficients = (2 * CHANNELS * self.noise.len()) as f64;
             let odds = (0.5 * coefficients * (other * other - best * best)).exp();
@@ -291,7 +293,9 @@ impl<'a> PulseJudge<'a> {
         }
         let erratic = (0..CHANNELS).map(|channel| (self.score_without(channel), channel));
         let verdict = match erratic.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
-            Some((score, channel)) if score <= 1.0 => MotionVerdict::Channel { channel, kind: ChannelFault::Erratic },
+            Some((score, channel)) if score <= self.expected.limit => {
+                MotionVerdict::Channel { channel, kind: ChannelFault::Erratic }
+            }
             _ if !self.is_rigid() => MotionVerdict::Channels,
             _ => self.one_coil_of_weak_ones().unwrap_or(MotionVerdict::Other),
         };

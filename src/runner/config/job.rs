@@ -46,6 +46,8 @@ pub struct JobSpec {
     placement_seed: Option<u64>,
     /// Code of a disabled guard; set only by builds with the feature `mutants`.
     pub without_guard: Option<Finding>,
+    /// False alarms in 1,000 h of plate time of a healthy rig, all guards together.
+    pub false_alarms_per_1000_h: f64,
     /// Policy for a computer that is too slow for the plate.
     pub deadlines: DeadlinePolicy,
     /// Contents of the file with all defaults written out, without the rig.
@@ -111,6 +113,7 @@ impl JobSpec {
             camera: CameraMode::default(),
             placement_seed: None,
             without_guard: None,
+            false_alarms_per_1000_h: document.false_alarms_per_1000_h,
             deadlines: document.deadlines,
             rig,
             document,

@@ -46,6 +46,11 @@ pub struct JobFile {
     pub(crate) limits: RunLimits,
     /// Faults of the simulated rig, to see what a run makes of them. A daemon takes them only where its file allows it.
     pub(crate) faults: Option<FaultList>,
+    /// False alarms that guards may give in 1,000 h of plate time of a healthy rig, all together: more find a fault
+    /// sooner.
+    #[serde(default = "whole::<f64, 1>")]
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    pub(crate) false_alarms_per_1000_h: f64,
     /// Policy for a computer that is too slow for the plate.
     #[serde(default)]
     pub(crate) deadlines: DeadlinePolicy,

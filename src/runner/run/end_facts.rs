@@ -20,7 +20,7 @@ pub(super) fn ending<R: Rig>(
     finish: FinalState,
     wall_time_s: f64,
 ) -> Report {
-    let FinalState { ending: RunEnd { outcome, cause, reason }, wanted, measured_m, lost } = finish;
+    let FinalState { ending: RunEnd { outcome, cause, reason }, wanted, measured_m, lost, evidence } = finish;
     let parts_of = |setup: &RunSetup<R>| {
         let truth = setup.truth.read();
         let part_at_end = |(i, part): (usize, &ExpectedPart)| {
@@ -48,6 +48,7 @@ pub(super) fn ending<R: Rig>(
         laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),
         lost_parts: lost.len(),
         parts: setup.map(parts_of).unwrap_or_default(),
+        evidence,
         faults: setup.map(faults_begun).unwrap_or_default(),
         ..Report::default()
     }

@@ -76,7 +76,7 @@ impl RunSetup {
             lost_after_frames: lost_after_frames(model.frame_hz),
             method: planner.method,
             planner: planner_params(&model),
-            guards: Guards { without: job.without_guard },
+            guards: Guards { without: job.without_guard, false_alarms_per_1000_h: job.false_alarms_per_1000_h },
             kinds,
         };
         let task = task(job, library, &placed, planner.method);

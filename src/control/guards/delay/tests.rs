@@ -2,6 +2,7 @@ use super::*;
 use upm_core::signal::TwistHarmonic;
 
 const FRAME_HZ: f64 = 60.0;
+const LIMIT: f64 = 20.0;
 const FRAME_S: f64 = 1.0 / FRAME_HZ;
 
 /// A pulse of a rotation or of a synthesised motion, `sustain_s` at full height.
@@ -26,7 +27,7 @@ fn frames(swing: &PlateSwing) -> u32 {
 /// Findings in four consecutive pulses of `swing`, in frames that are `late` frames late.
 fn found(late: u32, swing: &PlateSwing) -> [Option<PictureLag>; 4] {
     let frames = frames(swing);
-    let mut guard = DelayGuard::new(FRAME_HZ);
+    let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
     let begin_s = |number: u32| f64::from(3 + number * frames) * FRAME_S + 0.001;
     let corner_px = |at_s: f64| {
         let pulse = (0..4).rev().map(begin_s).find(|begin_s| *begin_s <= at_s);
@@ -61,7 +62,7 @@ fn delay_is_measured_to_the_frame_by_the_third_pulse() {
 fn push_is_not_taken_for_late_pictures() {
     let pulse = swing(0.05, 30.0, 1.0 / 15.0, 0.2);
     let found = |pushed_px: f64| {
-        let mut guard = DelayGuard::new(FRAME_HZ);
+        let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
         (0..2)
             .map(|number| {
                 let begin_s = f64::from(3 + number * frames(&pulse)) * FRAME_S + 0.001;
@@ -86,14 +87,14 @@ fn push_is_not_taken_for_late_pictures() {
 fn pictures_in_time_and_weak_pulses_give_no_finding() {
     assert_eq!(found(0, &swing(0.3, 30.0, 1.0 / 15.0, 0.1)), [None; 4]);
     assert_eq!(found(6, &swing(0.001, 30.0, 1.0 / 15.0, 0.1)), [None; 4]);
-    assert_eq!(DelayGuard::new(FRAME_HZ).end(), None, "no frames");
+    assert_eq!(DelayGuard::new(FRAME_HZ, LIMIT).end(), None, "no frames");
 }
 
 #[test]
 fn stamps_that_are_off_by_a_part_of_a_frame_hide_no_late_pictures() {
     let pulse = swing(0.3, 60.0, 1.0 / 60.0, 0.3);
     let found = |late: usize, higher: f64| {
-        let mut guard = DelayGuard::new(FRAME_HZ);
+        let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
         let begin_s = |number: u32| f64::from(3 + number * (frames(&pulse) + 20)) * FRAME_S + 0.001;
         let shown_px = |at_s: f64| {
             let begun = (0..2).rev().map(begin_s).find(|begin_s| *begin_s <= at_s);
@@ -119,7 +120,7 @@ fn stamps_that_are_off_by_a_part_of_a_frame_hide_no_late_pictures() {
 fn late_pictures_with_a_stuttering_coil_are_detected_by_swing_shape() {
     let pulse = swing(0.03, 60.0, 1.0 / 60.0, 0.1);
     let found = |late: u32| {
-        let mut guard = DelayGuard::new(FRAME_HZ);
+        let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
         [0, 1].map(|number| {
             let begin_s = f64::from(3 + number * (frames(&pulse) + 20)) * FRAME_S + 0.001;
             guard.begin(begin_s, pulse.clone());
@@ -139,7 +140,7 @@ fn late_pictures_with_a_stuttering_coil_are_detected_by_swing_shape() {
 #[test]
 fn equal_pulses_in_which_the_plate_swings_before_its_plan_are_in_time() {
     let pulse = swing(0.1, 60.0, 1.0 / 60.0, 0.03);
-    let mut guard = DelayGuard::new(FRAME_HZ);
+    let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
     let frames = frames(&pulse) + 4;
     let begin_s = |number: u32| f64::from(3 + number * frames) * FRAME_S + 0.001;
     let seen_px = |at_s: f64| {
@@ -159,7 +160,7 @@ fn equal_pulses_in_which_the_plate_swings_before_its_plan_are_in_time() {
 /// Findings in pulses that begin at these frames, in pictures `late` frames late; `height` is the displacement of the
 /// plate in a frame as a multiple of the planned one.
 fn found_in(begins: &[u32], pulse: &PlateSwing, late: u32, height: impl Fn(u32) -> f64) -> Vec<Option<PictureLag>> {
-    let mut guard = DelayGuard::new(FRAME_HZ);
+    let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
     let begin_s = |frame: u32| f64::from(frame) * FRAME_S + 0.001;
     let seen_px = |at: u32| {
         let begun = begins.iter().rev().find(|begin| at >= **begin);
@@ -212,7 +213,7 @@ fn pulses_that_swing_the_plate_less_than_planned_are_in_time_where_earlier_plans
     // both strong pulses show the height that was planned for the second weak one
     let pulse = |height: f64| swing(0.046 * height, 60.0, 1.0 / 60.0, 0.18);
     let heights = [1.0, 1.0, 1.28, 1.28];
-    let mut guard = DelayGuard::new(FRAME_HZ);
+    let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
     let begin_s = |number: usize| (3 + 15 * number) as f64 * FRAME_S + 0.001;
     for (number, height) in heights.into_iter().enumerate() {
         guard.begin(begin_s(number), pulse(height));
@@ -230,7 +231,7 @@ fn pulses_that_swing_the_plate_less_than_planned_are_in_time_where_earlier_plans
 fn swing_back_earlier_than_planned_is_not_taken_for_pictures_of_an_earlier_pulse() {
     const SEEN_PX: [f64; 12] = [1.43, 6.0, 6.0, 6.0, 6.0, 6.0, 1.26, 0.92, 0.66, 0.56, 0.23, 0.12];
     const PLANNED_PX: [f64; 12] = [1.51, 6.0, 6.0, 6.0, 6.0, 6.0, 4.64, 0.69, 0.0, 0.0, 0.0, 0.0];
-    let mut guard = DelayGuard::new(FRAME_HZ);
+    let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
     let earlier = SEEN_PX.iter().map(|px| (px, px)).cycle().take(48);
     for (seen, expected) in earlier.chain(SEEN_PX.iter().zip(&PLANNED_PX)) {
         guard.frames.push_back(CornerDisplacement { seen: Some(*seen), expected: *expected });

@@ -28,7 +28,7 @@ impl PulseJudge<'_> {
     /// The verdict for one coil with one gain while the other three share another, as under a sagging supply.
     pub(super) fn one_coil_of_weak_ones(&self) -> Option<MotionVerdict> {
         let best = (0..MOTORS).map(|coil| self.coil_and_others(coil)).min_by(|(a, _), (b, _)| a.total_cmp(b));
-        best.filter(|(score, _)| *score <= 1.0).map(|(_, verdict)| verdict)
+        best.filter(|(score, _)| *score <= self.expected.limit).map(|(_, verdict)| verdict)
     }
 
     /// Score and verdict for the gains of `coil` and of all others that fit the reading best.
