@@ -13,7 +13,7 @@ const WINDOW: usize = 64;
 const FARTHEST_PX: f64 = 6.0;
 /// Standard deviation of a corner's displacement by the picture's noise, px.
 const NOISE_PX: f64 = 0.05;
-/// Standard deviation of the swing that calibration predicts, as a share of its root mean square.
+/// Standard deviation of the swing that calibration predicts, as a share of its root mean square, until a run shows it.
 const MODEL_ERROR: f64 = 0.1;
 /// Gains of the swing that count as planned: a weak coil changes its height, not its time.
 const GAINS: (f64, f64) = (0.6, 1.7);
@@ -48,6 +48,8 @@ pub struct DelayGuard {
     late: [f64; LONGEST + 1],
     /// The same for pictures that show another motion than the drive's.
     unseen: f64,
+    /// Sum over pulses of the share of the swing's squares that the best explanation left, and their number.
+    unexplained: (f64, f64),
 }
 
 /// Lag of the pictures behind the drive.
@@ -82,17 +84,18 @@ struct CornerDisplacement {
 struct Residual {
     /// Number of frames.
     count: f64,
-    /// Sum of squares, with those that noise and model leave, px².
+    /// Sum of squares, px².
     px2: f64,
 }
 
 impl Residual {
-    /// Log-likelihood ratio of an explanation that leaves `other` to the one that leaves this, of unknown variance. Two
-    /// predictions that are less `apart_px2` than the pictures are from both cannot be told apart: errors of the model
-    /// are the same in every pulse of one shape.
-    fn evidence_for(self, other: Self, apart_px2: f64) -> f64 {
-        let is_told = apart_px2 > self.px2.min(other.px2);
-        if is_told { 0.5 * self.count * (self.px2 / other.px2).ln() } else { 0.0 }
+    /// Log-likelihood ratio of an explanation that leaves `other` to the one that leaves this, of unknown variance;
+    /// noise and model leave `usual_px2` on average. Two predictions that are less `apart_px2` than the pictures are
+    /// from both cannot be told apart: errors of the model are the same in every pulse of one shape.
+    fn evidence_for(self, other: Self, usual_px2: f64, apart_px2: f64) -> f64 {
+        let [this_px2, other_px2] = [self.px2, other.px2].map(|px2| px2 + usual_px2);
+        let is_told = apart_px2 > this_px2.min(other_px2);
+        if is_told { 0.5 * self.count * (this_px2 / other_px2).ln() } else { 0.0 }
     }
 }
 
@@ -185,7 +188,14 @@ impl DelayGuard {
             self.late[delay] = (self.late[delay] + self.evidence(in_time, delay)).max(0.0);
         }
         let swing_px2 = self.seen().map(|(i, ..)| self.expected(i, 0).powi(2)).sum();
-        self.unseen = (self.unseen + in_time.evidence_for(self.residual(|_| 0.0), swing_px2)).max(0.0);
+        let of_rest = in_time.evidence_for(self.residual(|_| 0.0), self.usual_px2(), swing_px2);
+        self.unseen = (self.unseen + of_rest).max(0.0);
+        if swing_px2 > LEAST_SWING_PX * LEAST_SWING_PX {
+            let late = (LATE..=LONGEST).map(|delay| self.left(delay as isize).px2);
+            let best_px2 = late.fold(in_time.px2, f64::min);
+            let (sum, pulses) = self.unexplained;
+            self.unexplained = (sum + (best_px2 / swing_px2).min(1.0), pulses + 1.0);
+        }
         let most = self.late.iter().copied().fold(0.0, f64::max);
         self.most = self.most.max(most).max(self.unseen);
         if most < self.limit {
@@ -212,14 +222,22 @@ impl DelayGuard {
     /// late.
     fn in_time(&self) -> Residual {
         let [early, exact, next] = [-1, 0, 1].map(|delay| self.left(delay));
-        Residual { px2: early.px2.min(exact.px2).min(next.px2), ..exact }
+        [early, next].into_iter().fold(exact, |best, other| if other.px2 < best.px2 { other } else { best })
     }
 
     /// Evidence of the newest pulse for pictures that are `delay` frames late, against pictures in time.
     fn evidence(&self, in_time: Residual, delay: usize) -> f64 {
         let delay = delay as isize;
         let apart_px2 = self.seen().map(|(i, ..)| (self.expected(i, delay) - self.expected(i, 0)).powi(2)).sum();
-        in_time.evidence_for(self.left(delay), apart_px2)
+        in_time.evidence_for(self.left(delay), self.usual_px2(), apart_px2)
+    }
+
+    /// Sum of squares that noise and errors of the model usually leave of the newest pulse, px². Those errors are alike
+    /// in all its frames, and as large as earlier pulses showed them.
+    fn usual_px2(&self) -> f64 {
+        let (unexplained, pulses) = self.unexplained;
+        let share = (MODEL_ERROR * MODEL_ERROR + unexplained) / (1.0 + pulses);
+        self.seen().map(|(i, ..)| NOISE_PX * NOISE_PX + share * self.expected(i, 0).powi(2)).sum()
     }
 
     /// Residual of pictures that show the plan `delay` frames later.
@@ -244,7 +262,7 @@ impl DelayGuard {
         }
         let gain = (product / f64::max(expected_sq, f64::MIN_POSITIVE)).clamp(GAINS.0, GAINS.1);
         let left = (seen_sq - 2.0 * gain * product + gain * gain * expected_sq).max(0.0);
-        Residual { count, px2: left + count * NOISE_PX * NOISE_PX + MODEL_ERROR * MODEL_ERROR * expected_sq }
+        Residual { count, px2: left }
     }
 }
 
