@@ -19,7 +19,7 @@ use page::FigurePage;
 /// Ratios of predicted and measured time that the page of results calls usual.
 const USUAL: std::ops::RangeInclusive<f64> = 0.7..=1.4;
 
-/// The job without an end, as the page names jobs.
+/// The job that runs to its time limit, as the page names jobs: there is no plate time to compare.
 const ENDLESS: &str = "`plus-sign-endless`";
 
 /// All jobs among the shipped configurations.
@@ -57,11 +57,8 @@ fn results() -> &'static BTreeMap<String, JobResult> {
         let work = || {
             while let Some((name, file)) = { waiting.lock().unwrap().pop() } {
                 let (file, out) = (file.to_str().unwrap(), TempDir::new().unwrap());
-                // an endless task runs to its time limit: there is no plate time to compare
-                let ends = name != ENDLESS;
-                let forecast = ends.then(|| printed(&["check", file, "--plan", "--json"]));
-                let predicted_s =
-                    forecast.and_then(|jobs| jobs[0]["plan"]["predicted_plate_time_s"]["median"].as_f64());
+                let jobs = (name != ENDLESS).then(|| printed(&["check", file, "--plan", "--json"]));
+                let predicted_s = jobs.and_then(|jobs| jobs[0]["plan"]["predicted_plate_time_s"]["median"].as_f64());
                 let out = out.path().to_str().unwrap();
                 let report = printed(&["run", file, "--rerun", "off", "--json", "--quiet", "--out", out]);
                 done.lock().unwrap().insert(name, JobResult { predicted_s, report });

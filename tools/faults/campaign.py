@@ -1,6 +1,7 @@
 """The campaign: schedules and jobs by seed on all cores, each run judged; what it prints."""
 import argparse
 import collections
+import math
 import pathlib
 import random
 import re
@@ -16,6 +17,8 @@ from . import detection, drawn, jobs, oracle, vocabulary
 from .shrink import shrunk
 
 VERIFY_EVERY, NEXT_JOB_EVERY, TELL_EVERY_S = 100, 5, 5.0
+# as in control/guards.rs
+PULSES_PER_1000_H = 3 * 3.6e6
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,8 @@ class Verdict:
     begun: set
     wall_s: float
     told: str = ""
+    # how near the run came to the findings that rest on chance
+    evidence: dict = field(default_factory=dict)
     # bars that were missed: what switched-off guards are caught by, too
     missed: list = field(default_factory=list)
 
@@ -81,6 +86,7 @@ def judged(runner, case, folder):
     guards = sorted({guard["code"] for guard in run.guards})
     verdict = Verdict(case, run.outcome, run.stop_code, guards, found, begun, process.wall_s, run.report["reason"])
     verdict.missed = list(missed_bars(run))
+    verdict.evidence = run.report.get("evidence") or {}
     return verdict
 
 
@@ -206,11 +212,34 @@ def report_healthy(verdicts, wall_s):
         told = collections.Counter(code for v in of for code in v.guards)
         rows.append([*kind, len(of), sum(v.outcome == "completed" for v in of), in_words(told), in_words(ends)])
     print("\n".join(table(["job", "planner", "runs", "completed", "findings", "other ends"], rows)))
+    print_tails([v.evidence for v in verdicts if v.evidence])
     bad = [v for v in verdicts if v.guards or v.violations or v.outcome != "completed"]
     for v in bad:
         print(f"  seed {v.case.seed}  {v.case.made.template}, {v.case.made.parts} parts, {v.case.made.planner}: {v.told}")
     print(f"\n{len(bad)} of {len(verdicts)} healthy runs in {wall_s:.0f} s; rate at most {upper_bound(len(bad), len(verdicts)):.1e} (95 %)")
     return not bad
+
+
+def print_tails(evidence):
+    """Tails of the evidence of healthy runs, exponential in their largest tenth, and the false alarms that follow from them.
+
+    A value `once + per_nat n` is exceeded in one pulse of `e^n`: the figures of `control/guards/limits.rs`.
+    """
+    pulses, rows = sum(run["pulses"] for run in evidence), []
+    for kind in ("motion", "late"):
+        peaks = sorted(run[kind] for run in evidence)
+        above = peaks[int(0.9 * len(peaks)) :]
+        per_nat = sum(above) / len(above) - above[0] if above else 0.0
+        if per_nat <= 0.0:
+            continue
+        once = above[0] - per_nat * math.log(pulses / len(above))
+        limit = min(run[f"{kind}_limit"] for run in evidence)
+        alarms = PULSES_PER_1000_H * math.exp((once - limit) / per_nat)
+        rows.append([kind, f"{once:.3f}", f"{per_nat:.4f}", f"{peaks[-1]:.2f}", f"{limit:.2f}", f"{alarms:.1e}"])
+    print("\n" + "\n".join(table(["evidence", "once", "per nat", "most", "limit", "alarms in 1,000 h"], rows)))
+    steps, missed = (sum(run[key] for run in evidence) for key in ("steps", "steps_missed"))
+    hours = sum(run["pulses"] for run in evidence) / PULSES_PER_1000_H * 1000
+    print(f"{pulses} pulses ({hours:.1f} h of three a second), {steps} steps of parts, {missed} of them missed")
 
 
 def print_violations(bad, runner, options):

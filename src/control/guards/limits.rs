@@ -15,8 +15,8 @@ const LEAST_IN_A_ROW: u32 = 3;
 pub struct Limits {
     /// Deviation of a motion from its plan, in tolerances.
     pub motion: f64,
-    /// Logarithm of the likelihood ratio of late pictures: by Wald's bound healthy pulses exceed `h` once in `exp(h)`
-    /// for each delay.
+    /// Logarithm of a likelihood ratio, pictures that are late over pictures in time: by Wald's bound healthy pulses
+    /// exceed `h` once in `exp(h)` for each delay.
     pub late: f64,
     /// Steps of one part in a row that miss their forecast.
     pub steps: u32,

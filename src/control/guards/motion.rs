@@ -23,7 +23,7 @@ const REVERSED: f64 = 2.0;
 const NEARLY_REVERSED: f64 = 0.1;
 /// Number of consecutive pulses with a smaller deviation before it is reported.
 const OFF_IN_A_ROW: u32 = 2;
-/// Largest odds that are told in figures: nobody checks an explanation that is a thousand times less likely.
+/// Largest odds that are told in figures: an explanation that is a thousand times less likely need not be checked.
 const TOLD_ODDS: f64 = 1000.0;
 
 /// A finding on coils or accelerometers from one pulse.

@@ -2,7 +2,7 @@
 //! explains it.
 //!
 //! Every explanation predicts the accelerometer readings ([`accelerometer_phasors`]). A prediction is compared with the
-//! reading by `score² = mean of |difference|² / tolerance²` over all coefficients, and is accepted up to a limit near 1.
+//! reading by `score² = mean of |difference|² / tolerance²` over all coefficients, and accepted up to a limit near 1.
 //! The simplest accepted explanation is the verdict: the plan, then one coil, channel or pair of coils, the best of
 //! those accepted.
 //!
