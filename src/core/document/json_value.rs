@@ -8,11 +8,13 @@ use serde_json::{Map, Value};
 
 use super::diagnostic::{Diagnostics, Path};
 
-/// The JSON value in `text`; adds a fault for each key that its object already has.
+/// The JSON value in `text`, whose byte order mark is skipped; adds a fault for each key that its object already has. A
+/// number without a fraction is an integer, as in JSON Schema: `2.0` is 2.
 ///
 /// # Errors
 /// The error of a text that is not JSON.
 pub(super) fn value_of(text: &str, faults: &mut Diagnostics) -> serde_json::Result<Value> {
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let mut json = serde_json::Deserializer::from_str(text);
     let value = Walk { at: Path::root(), faults }.deserialize(&mut json)?;
     json.end().map(|()| value)
@@ -75,7 +77,10 @@ impl<'de> Visitor<'de> for Walk<'_> {
     }
 
     fn visit_f64<E: Error>(self, value: f64) -> Result<Value, E> {
-        Ok(value.into())
+        // whole numbers beyond it are not exact
+        const EXACT: f64 = (1_u64 << 53) as f64;
+        let whole = (value.fract() == 0.0 && value.abs() <= EXACT).then_some(value as i64);
+        Ok(whole.filter(|whole| *whole != 0 || value.is_sign_positive()).map_or_else(|| value.into(), Value::from))
     }
 
     fn visit_str<E: Error>(self, value: &str) -> Result<Value, E> {
@@ -104,5 +109,11 @@ mod tests {
                 "f: a: expected each key once, found the key \"a\" a second time",
             ]
         );
+    }
+
+    #[test]
+    fn whole_numbers_are_integers_however_they_are_written() {
+        let read = |text: &str| value_of(text, &mut Diagnostics::of("f")).unwrap().to_string();
+        assert_eq!(read("\u{feff}[2.0, 2e3, -4.00, 2.5, -0.0, 1e300]"), "[2,2000,-4,2.5,-0.0,1e+300]");
     }
 }
