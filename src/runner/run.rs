@@ -67,7 +67,7 @@ pub use simulate::{FirstFrame, TruePart, check_simulate, first_frame, simulate};
 pub use tolerance::tolerance_warning;
 pub use upm_planning::planner::Reach;
 pub use upm_sim::OpenLoopTrajectories;
-pub use verify::{Verification, verify};
+pub use verify::{Extent, Verification, maker, maker_of, verify};
 
 /// Options of a run besides the job.
 #[derive(Clone, Debug)]

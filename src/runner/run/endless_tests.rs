@@ -127,6 +127,6 @@ fn run_asked_to_give_way_ends_its_cycle_first_and_is_completed_when_endless() {
         assert!(took_s <= longest_s, "{took_s} s, a cycle takes up to {longest_s} s");
         let folder = std::fs::read_dir(out.path()).unwrap().next().unwrap().unwrap().path();
         let verdict = verify(&folder, &AtomicBool::new(false), &mut Fanout::default()).unwrap();
-        assert_eq!(verdict, Verification::Equal { lines: journal.len() - 1, stopped: true });
+        assert_eq!(verdict, Verification::Equal { lines: journal.len() - 1, extent: Extent::Stopped });
     }
 }

@@ -6,6 +6,7 @@ use serde_json::json;
 
 use super::error::RunError;
 use super::setup::RunSetup;
+use super::verify::machine;
 use crate::config::{JobSpec, reason};
 use upm_control::{FrameFacts, Sink};
 use upm_core::files::{sync_folder, write_whole};
@@ -68,12 +69,15 @@ impl RunFolder {
         RunError::Write { path: self.0.join(name).display().to_string(), reason: error.to_string() }
     }
 
-    /// Writes `effective.json`: the version, the camera, and the job with rig, library and all defaults written out.
+    /// Writes `effective.json`: the version, the machine, the camera, and the job with rig, library and all defaults written out.
     pub(super) fn write_effective(&self, job: &JobSpec, library: &Library) -> Result<(), RunError> {
         let (version, mut effective) = (env!("CARGO_PKG_VERSION"), job.effective());
         // a run can be repeated from it without any other file
         effective["library"] = serde_json::to_value(library).unwrap_or_default();
-        self.write_json("effective.json", &json!({ "version": version, "camera": job.camera, "job": effective }))
+        self.write_json(
+            "effective.json",
+            &json!({ "version": version, "machine": machine(), "camera": job.camera, "job": effective }),
+        )
     }
 
     pub(super) fn write_report(&self, report: &Report) -> Result<(), RunError> {

@@ -159,7 +159,7 @@ fn an_emergency_stop_in_a_pulse_ends_the_run_and_nothing_is_played_after_it() {
     assert_eq!(tail.collect::<Vec<_>>(), ["emergency stop by the page", control::RunEnd::stopped().reason.as_str()]);
     let answer = plate.interlock.stop_times().unwrap();
     assert!(answer.motors_off_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
-    assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
+    assert!(matches!(stopped.holds(), Verification::Equal { extent: Extent::Stopped, .. }));
     assert_eq!(stopped.report.pacing, None);
     assert!(plate.interlock.release(Trip::EStop), "the rig is gone");
 }
@@ -174,7 +174,7 @@ fn a_watchdog_needs_no_flag_and_fails_the_run() {
     let by_rig = RunEnd::from(RigFault::Stopped(Trip::Watchdog)).reason;
     let tail = stopped.events.iter().rev().take(2).map(String::as_str);
     assert_eq!(tail.collect::<Vec<_>>(), ["no frame for 0.5 s", &by_rig]);
-    assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
+    assert!(matches!(stopped.holds(), Verification::Equal { extent: Extent::Stopped, .. }));
 }
 
 #[test]
@@ -192,7 +192,7 @@ fn process_stopped_in_a_pulse_loses_the_lease_under_strict_deadlines() {
     assert!(stopped.report.plate_time_s > answer.motors_off_at.secs() + 2.0, "time went on without force");
     let pacing = stopped.report.pacing.unwrap();
     assert!(pacing.deadline_misses == 1 && pacing.worst_late_frames > 10, "{pacing:?}");
-    assert!(matches!(stopped.holds(), Verification::Equal { stopped: true, .. }));
+    assert!(matches!(stopped.holds(), Verification::Equal { extent: Extent::Stopped, .. }));
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn process_stopped_in_a_pulse_falls_behind_and_completes_under_relaxed_deadlines
     assert!((behind_s - 8.0).abs() < 0.04, "{behind_s}");
     assert!(report.plate_time_s < 8.0, "plate time did not pass meanwhile: {}", report.plate_time_s);
     assert_eq!(plate.interlock.tripped(), None);
-    assert!(matches!(stalled.holds(), Verification::Equal { stopped: false, .. }));
+    assert!(matches!(stalled.holds(), Verification::Equal { extent: Extent::Whole, .. }));
 
     let fast = StopRecord::run_job(&short_job("strict"), &StoppedPlate::default(), false, 1, || (), None);
     let journal = |run: &StopRecord| std::fs::read(run.folder().join("journal.jsonl")).unwrap();

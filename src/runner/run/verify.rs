@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde_json::Value;
 
+use super::folder::REPORT_FILE;
 use super::{RunError, RunSetup, TruthInJobOrder, job_library};
 use crate::config::{Diagnostic, JobSpec, Origin, reason};
 use upm_control::Sink;
@@ -17,6 +18,17 @@ use upm_recording::{Fanout, Journal, RECORDING_FAILED};
 /// events of the recording, and a cycle that never ended.
 const TAIL_LINES: usize = 6;
 
+/// How far a run went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// To its own end.
+    Whole,
+    /// To a stop from outside.
+    Stopped,
+    /// Its program was killed: it has no report, and its last line may be half.
+    Killed,
+}
+
 /// Result of the comparison of a run with its repetition.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Verification {
@@ -24,13 +36,17 @@ pub enum Verification {
     Equal {
         /// Number of lines compared.
         lines: usize,
-        /// True if the run was stopped from outside and compared up to there.
-        stopped: bool,
+        /// How far the run went, up to where it was compared.
+        extent: Extent,
     },
+    /// The journals differ in the ends of their lines alone, as after a conversion of text.
+    LineEnds,
     /// The journals differ.
     Differs {
         /// First line that differs, from 1.
         line: usize,
+        /// Path of the first key that differs, with the value in each; `None` where one is not JSON or has no such line.
+        key: Option<(String, [Value; 2])>,
         /// Text of that line in the run folder.
         recorded: String,
         /// Text of that line in the repetition.
@@ -38,8 +54,30 @@ pub enum Verification {
     },
 }
 
+/// This program and its machine: on others the last digits of a run may be others.
+pub fn maker() -> String {
+    format!("upm {} on {}", env!("CARGO_PKG_VERSION"), machine())
+}
+
+/// The program and machine that made the run in folder `run`; `None` where it does not say so.
+pub fn maker_of(run: &Path) -> Option<String> {
+    let effective: Value = serde_json::from_str(&fs::read_to_string(run.join("effective.json")).ok()?).ok()?;
+    Some(format!("upm {} on {}", effective["version"].as_str()?, effective["machine"].as_str()?))
+}
+
+/// The processor's architecture with the extensions by which the C library and this program choose functions, and the
+/// system.
+pub(super) fn machine() -> String {
+    #[cfg(target_arch = "x86_64")]
+    let has_fma = std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma");
+    #[cfg(not(target_arch = "x86_64"))]
+    let has_fma = false;
+    let extensions = if has_fma { " with avx2 and fma" } else { "" };
+    format!("{}{extensions}, {}", std::env::consts::ARCH, std::env::consts::OS)
+}
+
 /// Runs the job of the run folder `run` again, from that folder alone, and compares the journals; ends when the result
-/// is known or `stop` is set. A run that was stopped from outside is compared up to the stop.
+/// is known or `stop` is set. A run that was stopped from outside or killed is compared up to there.
 pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<Verification, RunError> {
     let effective = run.join("effective.json");
     let job = effective_job(&read(&effective)?, &effective)?;
@@ -47,7 +85,9 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
     let library = job_library(&job)?;
     let mut setup = RunSetup::new(&job, &library)?;
     let enough = AtomicBool::new(false);
-    let mut repetition = Repetition::of(&recorded, &enough);
+    let was_killed = !run.join(REPORT_FILE).exists();
+    let text = recorded.replace("\r\n", "\n");
+    let mut repetition = Repetition::of(&text, was_killed, &enough);
     let mut journal = Journal::new(&mut repetition, Arc::clone(&library));
     let mut named = TruthInJobOrder(setup.truth.clone());
     let mut end_if_stopped = |_: &mut dyn Sink, _| {
@@ -57,7 +97,10 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
     setup.play(&library, None, &mut sinks, &StoppedClock, &enough, &AtomicBool::new(false));
     let broken = |error: io::Error| RunError::Write { path: "journal".into(), reason: error.to_string() };
     journal.finish().map_err(broken)?;
-    Ok(repetition.verdict())
+    Ok(match repetition.verdict() {
+        Verification::Equal { .. } if text != recorded => Verification::LineEnds,
+        verdict => verdict,
+    })
 }
 
 fn read(path: &Path) -> Result<String, Diagnostic> {
@@ -80,7 +123,7 @@ fn effective_job(text: &str, path: &Path) -> Result<JobSpec, RunError> {
 /// Writer of the repetition's journal, one line per write, which compares it with the recorded one.
 struct Repetition<'a> {
     recorded: Vec<&'a str>,
-    stopped: bool,
+    extent: Extent,
     /// Number of equal lines so far.
     equal: usize,
     differs: Option<Verification>,
@@ -89,23 +132,26 @@ struct Repetition<'a> {
 }
 
 impl<'a> Repetition<'a> {
-    fn of(recorded: &'a str, enough: &'a AtomicBool) -> Self {
+    fn of(recorded: &'a str, was_killed: bool, enough: &'a AtomicBool) -> Self {
         let recorded: Vec<&str> = recorded
             .split_inclusive('\n')
             // how a recording ends depends on the disk and not on the run
             .filter(|line| !event_of(line).is_some_and(|event| event["code"] == RECORDING_FAILED))
+            .filter(|line| !was_killed || line.ends_with('\n'))
             .collect();
-        let stop = lines_before_stop(&recorded);
-        let stopped = stop.is_some();
-        let recorded = recorded[..stop.unwrap_or(recorded.len())].to_vec();
-        let this = Self { recorded, stopped, equal: 0, differs: None, enough };
+        let (extent, lines) = match lines_before_stop(&recorded) {
+            Some(lines) => (Extent::Stopped, lines),
+            None if was_killed => (Extent::Killed, recorded.len()),
+            None => (Extent::Whole, recorded.len()),
+        };
+        let this = Self { recorded: recorded[..lines].to_vec(), extent, equal: 0, differs: None, enough };
         this.report_progress();
         this
     }
 
-    /// True if all of a stopped run has been repeated; the repetition has no counterpart to the lines after that.
+    /// True if all of a run that did not end by itself has been repeated; the repetition has more.
     fn is_through(&self) -> bool {
-        self.stopped && self.equal == self.recorded.len()
+        self.extent != Extent::Whole && self.equal == self.recorded.len()
     }
 
     fn report_progress(&self) {
@@ -116,12 +162,15 @@ impl<'a> Repetition<'a> {
 
     fn differs_in(&self, recorded: Option<&str>, repeated: Option<&str>) -> Verification {
         let shown = |text: Option<&str>| text.map_or("(end)", |text| text.trim_end_matches('\n')).to_owned();
-        Verification::Differs { line: self.equal + 1, recorded: shown(recorded), repeated: shown(repeated) }
+        let [recorded, repeated] = [recorded, repeated].map(shown);
+        let value_of = |text: &str| serde_json::from_str(text).ok();
+        let key = value_of(&recorded).zip(value_of(&repeated)).and_then(|(a, b)| first_difference("", &a, &b));
+        Verification::Differs { line: self.equal + 1, key, recorded, repeated }
     }
 
     fn verdict(self) -> Verification {
         let rest = self.recorded.get(self.equal).map(|&recorded| self.differs_in(Some(recorded), None));
-        let equal = Verification::Equal { lines: self.equal, stopped: self.stopped };
+        let equal = Verification::Equal { lines: self.equal, extent: self.extent };
         self.differs.or(rest).unwrap_or(equal)
     }
 }
@@ -141,6 +190,24 @@ impl Write for Repetition<'_> {
 
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
+    }
+}
+
+/// Path of the first value that differs, and both; `null` for one that is missing.
+fn first_difference(at: &str, recorded: &Value, repeated: &Value) -> Option<(String, [Value; 2])> {
+    let below = |at: String, pair: [Option<&Value>; 2]| {
+        let [recorded, repeated] = pair.map(|value| value.unwrap_or(&Value::Null));
+        first_difference(&at, recorded, repeated)
+    };
+    match (recorded, repeated) {
+        (Value::Object(a), Value::Object(b)) => {
+            a.keys().chain(b.keys()).find_map(|key| below(format!("{at}.{key}"), [a.get(key), b.get(key)]))
+        }
+        (Value::Array(a), Value::Array(b)) => {
+            (0..a.len().max(b.len())).find_map(|i| below(format!("{at}[{i}]"), [a.get(i), b.get(i)]))
+        }
+        _ if recorded == repeated => None,
+        _ => Some((at.trim_start_matches('.').to_owned(), [recorded.clone(), repeated.clone()])),
     }
 }
 
@@ -169,7 +236,7 @@ mod tests {
     use super::*;
     fn compare(recorded: &str, repeated: &str) -> Verification {
         let enough = AtomicBool::new(false);
-        let mut repetition = Repetition::of(recorded, &enough);
+        let mut repetition = Repetition::of(recorded, false, &enough);
         for line in repeated.split_inclusive('\n') {
             repetition.write_all(line.as_bytes()).unwrap();
         }
@@ -179,16 +246,38 @@ mod tests {
     fn differs_at(recorded: &str, repeated: &str) -> usize {
         match compare(recorded, repeated) {
             Verification::Differs { line, .. } => line,
-            Verification::Equal { .. } => 0,
+            Verification::Equal { .. } | Verification::LineEnds => 0,
         }
     }
 
     #[test]
     fn the_first_difference_is_named() {
-        assert_eq!(compare("a\nb\n", "a\nb\n"), Verification::Equal { lines: 2, stopped: false });
+        assert_eq!(compare("a\nb\n", "a\nb\n"), Verification::Equal { lines: 2, extent: Extent::Whole });
         assert_eq!(differs_at("a\nb\n", "a\nc\n"), 2);
         assert_eq!(differs_at("a\nb\n", "a\n"), 2);
         assert_eq!(differs_at("a\nb", "a\nb\n"), 2);
+    }
+
+    #[test]
+    fn a_killed_run_is_compared_up_to_its_last_whole_line() {
+        let enough = AtomicBool::new(false);
+        let mut repetition = Repetition::of("a\nb\nc", true, &enough);
+        repetition.write_all(b"a\n").unwrap();
+        repetition.write_all(b"b\n").unwrap();
+        assert!(enough.load(Ordering::Relaxed));
+        assert_eq!(repetition.verdict(), Verification::Equal { lines: 2, extent: Extent::Killed });
+    }
+
+    #[test]
+    fn the_first_key_that_differs_is_named_with_both_values() {
+        let key = |recorded: &str, repeated: &str| match compare(recorded, repeated) {
+            Verification::Differs { key, .. } => key.map(|(path, [a, b])| format!("{path}: {a}, {b}")),
+            verdict => panic!("{verdict:?}"),
+        };
+        let line = |x: &str| format!("{{\"cycle\":1,\"plan\":{{\"pulses\":[{{\"x_mm\":{x}}}]}}}}\n");
+        assert_eq!(key(&line("1.5"), &line("1.25")).unwrap(), "plan.pulses[0].x_mm: 1.5, 1.25");
+        assert_eq!(key("{\"a\":[1]}\n", "{\"a\":[1,2]}\n").unwrap(), "a[1]: null, 2");
+        assert_eq!(key("{\"a\":1}\n", "no JSON\n"), None);
     }
 
     fn event(text: &str, details: &str) -> String {
@@ -198,7 +287,10 @@ mod tests {
     #[test]
     fn events_about_the_recording_are_not_compared() {
         let ended = event("whatever it says", r#","code":"recording_failed""#);
-        assert_eq!(compare(&format!("a\n{ended}b\n"), "a\nb\n"), Verification::Equal { lines: 2, stopped: false });
+        assert_eq!(
+            compare(&format!("a\n{ended}b\n"), "a\nb\n"),
+            Verification::Equal { lines: 2, extent: Extent::Whole }
+        );
         assert_eq!(differs_at(&format!("a\n{ended}b\n"), "a\nc\n"), 2);
         let other = ended.replace("event", "cycle");
         assert_eq!(differs_at(&format!("a\n{other}b\n"), "a\nb\n"), 2);
@@ -217,7 +309,11 @@ mod tests {
             coded.map(|cause| event("in words", &format!(r#","outcome":"cancelled","code":"{}""#, cause.code())));
         for stop in coded {
             let recorded = format!("a\nb\n{stop}{after}");
-            assert_eq!(compare(&recorded, "a\nb\nc\n"), Verification::Equal { lines: 2, stopped: true }, "{stop}");
+            assert_eq!(
+                compare(&recorded, "a\nb\nc\n"),
+                Verification::Equal { lines: 2, extent: Extent::Stopped },
+                "{stop}"
+            );
             assert_eq!(differs_at(&recorded, "a\nx\nc\n"), 2);
             assert_eq!(differs_at(&recorded, "a\n"), 2);
         }
@@ -231,7 +327,7 @@ mod tests {
         let stopped = format!("a\nb\n{}", event("in words", r#","outcome":"cancelled","code":"interrupted""#));
         for (recorded, repeated, lines) in [(stopped.as_str(), ["a\n", "b\n"], 2), ("a\nb\n", ["x\n", "b\n"], 1)] {
             let enough = AtomicBool::new(false);
-            let mut repetition = Repetition::of(recorded, &enough);
+            let mut repetition = Repetition::of(recorded, false, &enough);
             let taken = repeated.iter().take_while(|line| {
                 repetition.write_all(line.as_bytes()).unwrap();
                 !enough.load(Ordering::Relaxed)

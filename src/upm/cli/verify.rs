@@ -8,7 +8,7 @@ use super::progress::RunProgress;
 use super::run::run_failure;
 use super::run_args::RunFolderArgs;
 use super::run_folder::run_folder;
-use upm_runner::run::{PacingStats, Verification, verify as verify_run};
+use upm_runner::run::{Extent, PacingStats, Verification, maker, maker_of, verify as verify_run};
 
 /// Most characters shown of a line that differs.
 const SHOWN: usize = 160;
@@ -30,29 +30,46 @@ pub(super) fn verify(args: &RunFolderArgs, common: Common) -> Result<u8, Failure
     } else {
         print_verdict(&run, &verdict)?
     }
-    Ok(if matches!(verdict, Verification::Differs { .. }) { NOT_REACHED } else { 0 })
+    Ok(if matches!(verdict, Verification::Equal { .. }) { 0 } else { NOT_REACHED })
 }
 
 fn as_json(verdict: &Verification) -> Value {
     match verdict {
-        Verification::Equal { lines, stopped } => json!({ "equal": true, "lines": lines, "stopped": stopped }),
-        Verification::Differs { line, recorded, repeated } => {
-            json!({ "equal": false, "line": line, "recorded": recorded, "repeated": repeated })
+        Verification::Equal { lines, extent } => {
+            let [stopped, killed] = [Extent::Stopped, Extent::Killed].map(|of| of == *extent);
+            json!({ "equal": true, "lines": lines, "stopped": stopped, "killed": killed })
+        }
+        Verification::LineEnds => json!({ "equal": false, "line_ends": true }),
+        Verification::Differs { line, key, recorded, repeated } => {
+            let key = key.as_ref().map(|(key, _)| key);
+            json!({ "equal": false, "line": line, "key": key, "recorded": recorded, "repeated": repeated })
         }
     }
 }
 
 fn print_verdict(run: &Path, verdict: &Verification) -> Result<(), Failure> {
-    let run = run.display();
+    let (made_by, this, run) = (maker_of(run), maker(), run.display());
     match verdict {
-        Verification::Equal { lines, stopped: false } => {
+        Verification::Equal { lines, extent: Extent::Whole } => {
             outln!("{run}: the repetition's journal is equal byte for byte, {lines} lines")
         }
-        Verification::Equal { lines, stopped: true } => {
+        Verification::Equal { lines, extent: Extent::Stopped } => {
             outln!("{run}: stopped from outside; equal byte for byte up to there, {lines} lines")
         }
-        Verification::Differs { line, recorded, repeated } => {
+        Verification::Equal { lines, extent: Extent::Killed } => {
+            outln!("{run}: its program was killed; equal byte for byte as far as it goes, {lines} lines")
+        }
+        Verification::LineEnds => {
+            outln!("{run}: journals are equal but for their line ends, which something changed to CR LF")
+        }
+        Verification::Differs { line, key, recorded, repeated } => {
+            if let Some(other) = made_by.filter(|made_by| *made_by != this) {
+                outln!("{run}: made by {other}; this is {this}")?;
+            }
             outln!("{run}: journals differ from line {line} on")?;
+            if let Some((key, [recorded, repeated])) = key {
+                outln!("  first in {key}: recorded {recorded}, repeated {repeated}")?;
+            }
             outln!("  recorded: {}", shown(recorded))?;
             outln!("  repeated: {}", shown(repeated))
         }
