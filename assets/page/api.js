@@ -116,5 +116,5 @@ export function json(method, path, options = {}) {
 /** A random key, unique for all practical purposes. */
 export const newKey = () => crypto.getRandomValues(new Uint32Array(4)).join('-');
 
-export const ofJob = (id, what = '') => `/v1/jobs/${encodeURIComponent(id)}${what}`;
-export const ofPlate = (name, what) => `/v1/plates/${encodeURIComponent(name)}${what}`;
+export const ofJob = (id, what = '') => `v1/jobs/${encodeURIComponent(id)}${what}`;
+export const ofPlate = (name, what) => `v1/plates/${encodeURIComponent(name)}${what}`;

@@ -65,7 +65,7 @@ async function watchPlates() {
   for (;;) {
     const asked = moment();
     try {
-      const { plates, stop_listen } = await json('GET', '/v1/plates', { timeoutMs: 3000 });
+      const { plates, stop_listen } = await json('GET', 'v1/plates', { timeoutMs: 3000 });
       stops.listener = stop_listen;
       takePlates(plates, asked);
       show(part('token'), false);
@@ -82,7 +82,7 @@ async function refreshJobs() {
   askedForJobs = asked;
   jobs.refresh();
   try {
-    const queued = await json('GET', `/v1/jobs?state=queued&limit=${MOST_WAITING}`);
+    const queued = await json('GET', `v1/jobs?state=queued&limit=${MOST_WAITING}`);
     if (asked !== askedForJobs) return;
     const inTurn = queued.jobs.reverse().sort((a, b) => a.turn - b.turn);
     cards.forEach((card) => card.wait(inTurn, queued.next === null));

@@ -65,7 +65,7 @@ class Stopping {
 
   /** Motors that were never asked for anything are not seen at zero: whether the plate has a job tells. */
   async moves() {
-    const { plates } = await ask('GET', '/v1/plates');
+    const { plates } = await ask('GET', 'v1/plates');
     return plates.find((plate) => plate.name === this.name)?.job !== null;
   }
 }
@@ -154,7 +154,7 @@ export class Stops {
       setText(this.unknown, `NO PLATE STOPPED – ${why}; asking again (${tries})`);
       this.render();
       try {
-        const answer = await ask('GET', '/v1/plates');
+        const answer = await ask('GET', 'v1/plates');
         this.searching = false;
         answer.plates.forEach((plate) => this.begin(plate.name));
         this.render();

@@ -109,7 +109,7 @@ export class Jobs {
     this.asked += 1;
     const { asked } = this;
     try {
-      const page = await json('GET', `/v1/jobs?${query}`);
+      const page = await json('GET', `v1/jobs?${query}`);
       if (asked === this.asked) this.render(page);
     } catch (error) {
       this.showStatus(`This list may be old: ${error.message}`);

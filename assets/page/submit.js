@@ -47,7 +47,7 @@ export class Order {
 
   async load() {
     try {
-      this.examples = await json('GET', '/assets/examples.json');
+      this.examples = await json('GET', 'assets/examples.json');
       this.examples.sort((a, b) => a.name.localeCompare(b.name, 'en', { numeric: true }));
     } catch {
       setTimeout(() => this.load(), 2000);
@@ -110,7 +110,7 @@ export class Order {
     const text = this.editor.text;
     this.showStatus('', 'Checking');
     try {
-      const { name, plate, layout } = await json('POST', '/v1/check', { body: text });
+      const { name, plate, layout } = await json('POST', 'v1/check', { body: text });
       // written on meanwhile: what is said is of another text
       if (this.editor.text !== text) return null;
       this.editor.blame([]);
@@ -167,7 +167,7 @@ export class Order {
     this.showStatus('', 'Sending');
     const asks = { body: text, headers: { 'Idempotency-Key': this.key.word }, timeoutMs: 15000 };
     try {
-      const job = await json('POST', `/v1/jobs?pace=${encodeURIComponent(pace)}`, asks);
+      const job = await json('POST', `v1/jobs?pace=${encodeURIComponent(pace)}`, asks);
       this.key.of = null;
       this.editor.blame([]);
       const open = button('show it', () => this.queued(job, true), { class: 'link' });

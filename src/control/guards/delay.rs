@@ -17,8 +17,6 @@ const NOISE_PX: f64 = 0.05;
 const MODEL_ERROR: f64 = 0.1;
 /// Gains of the swing that count as planned: a weak coil changes its height, not its time.
 const GAINS: (f64, f64) = (0.6, 1.7);
-/// Delays that are late.
-pub(super) const DELAYS: usize = LONGEST - LATE + 1;
 /// Log-likelihood ratio of one pulse that casts doubt: one in a hundred.
 const DOUBTFUL: f64 = 4.6;
 /// Least planned swing that shows its height, root of the sum of squares, px.

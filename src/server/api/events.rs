@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::{Path, State};
-use axum::http::header::CACHE_CONTROL;
+use axum::http::header::{CACHE_CONTROL, HeaderName};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
@@ -25,6 +25,7 @@ use crate::states::JobState;
 use crate::store::open_run_file;
 
 pub(super) const EVENT_STREAM: &str = "text/event-stream";
+const NO_BUFFERING: HeaderName = HeaderName::from_static("x-accel-buffering");
 const LAST_EVENT_ID: &str = "Last-Event-ID";
 /// Name of the events whose data is the job, as `GET /v1/jobs/ID` has it. Other events are lines of the journal.
 pub const JOB_EVENT: &str = "job";
@@ -59,7 +60,8 @@ pub(super) async fn watch(
         Some((Ok::<_, Infallible>(event), watcher))
     });
     let events = Sse::new(events).keep_alive(KeepAlive::new().interval(HEARTBEAT_TIME));
-    Ok(([(CACHE_CONTROL, "no-store")], events).into_response())
+    // proxies that collect answers before they pass them on let this one through
+    Ok(([(CACHE_CONTROL, "no-store"), (NO_BUFFERING, "no")], events).into_response())
 }
 
 fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {

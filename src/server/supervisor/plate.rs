@@ -141,8 +141,10 @@ impl PlateHandle {
     pub fn snapshot(&self) -> Plate {
         let (paused, running) = (self.paused(), self.job.running());
         let (mut plate, at) = self.job.seen();
+        // parts stay where the last job left them; what it was about is over
         if running.is_none() {
-            plate.findings.clear();
+            let Plate { positions_mm, radii_mm, at_s, .. } = plate;
+            plate = Plate { positions_mm, radii_mm, at_s, ..Plate::default() };
         }
         let (state, why, pause) = match (self.emergency_stop.holds(), paused, &running) {
             (true, ..) => (PlateState::Stopped, "emergency stop".to_owned(), None),
