@@ -19,6 +19,7 @@ mod knocks;
 mod library;
 #[cfg(test)]
 mod lost_tests;
+mod machine;
 mod paced;
 mod planner_forecast;
 mod planner_selection;
@@ -60,6 +61,7 @@ pub use error::RunError;
 pub use folder::RunFolder;
 pub use in_memory::InMemoryRun;
 pub use library::{LibraryOutput, check_places, job_library, library_faults, load_library, rig_library};
+pub use machine::{maker, maker_of};
 pub use paced::PacingStats;
 pub use planner_selection::PlannerSelection;
 pub use setup::{RunSetup, TruthInJobOrder, planner_params};
@@ -67,7 +69,7 @@ pub use simulate::{FirstFrame, TruePart, check_simulate, first_frame, simulate};
 pub use tolerance::tolerance_warning;
 pub use upm_planning::planner::Reach;
 pub use upm_sim::OpenLoopTrajectories;
-pub use verify::{Extent, Verification, maker, maker_of, verify};
+pub use verify::{Extent, Verification, verify};
 
 /// Options of a run besides the job.
 #[derive(Clone, Debug)]

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use super::error::RunError;
+use super::machine::machine;
 use super::setup::RunSetup;
-use super::verify::machine;
 use crate::config::{JobSpec, reason};
 use upm_control::{FrameFacts, Sink};
 use upm_core::files::{sync_folder, write_whole};
@@ -69,7 +69,7 @@ impl RunFolder {
         RunError::Write { path: self.0.join(name).display().to_string(), reason: error.to_string() }
     }
 
-    /// Writes `effective.json`: the version, the machine, the camera, and the job with rig, library and all defaults written out.
+    /// Writes `effective.json`: version, machine, camera, and the job with rig, library and all defaults written out.
     pub(super) fn write_effective(&self, job: &JobSpec, library: &Library) -> Result<(), RunError> {
         let (version, mut effective) = (env!("CARGO_PKG_VERSION"), job.effective());
         // a run can be repeated from it without any other file

@@ -45,35 +45,13 @@ pub enum Verification {
     Differs {
         /// First line that differs, from 1.
         line: usize,
-        /// Path of the first key that differs, with the value in each; `None` where one is not JSON or has no such line.
+        /// Path of the first key that differs, with both values; `None` where a line is missing or is not JSON.
         key: Option<(String, [Value; 2])>,
         /// Text of that line in the run folder.
         recorded: String,
         /// Text of that line in the repetition.
         repeated: String,
     },
-}
-
-/// This program and its machine: on others the last digits of a run may be others.
-pub fn maker() -> String {
-    format!("upm {} on {}", env!("CARGO_PKG_VERSION"), machine())
-}
-
-/// The program and machine that made the run in folder `run`; `None` where it does not say so.
-pub fn maker_of(run: &Path) -> Option<String> {
-    let effective: Value = serde_json::from_str(&fs::read_to_string(run.join("effective.json")).ok()?).ok()?;
-    Some(format!("upm {} on {}", effective["version"].as_str()?, effective["machine"].as_str()?))
-}
-
-/// The processor's architecture with the extensions by which the C library and this program choose functions, and the
-/// system.
-pub(super) fn machine() -> String {
-    #[cfg(target_arch = "x86_64")]
-    let has_fma = std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma");
-    #[cfg(not(target_arch = "x86_64"))]
-    let has_fma = false;
-    let extensions = if has_fma { " with avx2 and fma" } else { "" };
-    format!("{}{extensions}, {}", std::env::consts::ARCH, std::env::consts::OS)
 }
 
 /// Runs the job of the run folder `run` again, from that folder alone, and compares the journals; ends when the result
