@@ -7,8 +7,8 @@ struct Tail {
 
 /// Deviations of a motion from its plan, in tolerances.
 const MOTION: Tail = Tail { once: 0.143, per_nat: 0.0644 };
-/// Logarithms of a likelihood ratio: pictures are late, over in time. Errors of the model that repeat make them 2.7 times
-/// as wide as chance would.
+/// Logarithms of a likelihood ratio: pictures are late, over in time. Errors of the model that repeat make them 2.7
+/// times as wide as chance would.
 const LATE: Tail = Tail { once: -12.97, per_nat: 2.70 };
 /// Steps of parts that were compared with their forecast, and those of them that missed it.
 const STEPS: f64 = 80_766.0;
