@@ -89,20 +89,42 @@ enum TableWriter {
     Parquet(ParquetFile),
 }
 
-struct TableFiles(Vec<TableFile>);
+struct TableFiles {
+    files: Vec<TableFile>,
+    drafts: Drafts,
+}
+
+/// Files that are not whole yet; those that are left are removed.
+#[derive(Default)]
+struct Drafts(Vec<PathBuf>);
+
+impl Drop for Drafts {
+    fn drop(&mut self) {
+        self.0.iter().for_each(|draft| fs::remove_file(draft).unwrap_or_default());
+    }
+}
+
+/// Name of the table file `path` until it is whole.
+fn draft_of(path: &Path) -> PathBuf {
+    path.with_added_extension("part")
+}
 
 impl TableFiles {
-    /// Creates a file for every table in each format that `args` name.
+    /// Creates a file for every table in each format that `args` name. They have their names once all are whole.
     fn create(folder: &Path, args: &ExportArgs) -> Result<Self, Failure> {
         fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
-        let create = |table: &'static Table, ending| {
+        let mut drafts = Drafts::default();
+        let mut create = |table: &'static Table, ending| {
             let path = folder.join(format!("{}.{ending}", table.name));
-            let writer = TableWriter::create(&path, table, ending).map_err(|error| Failure::write(&path, error))?;
+            drafts.0.push(draft_of(&path));
+            let writer = TableWriter::create(&draft_of(&path), table, ending);
+            let writer = writer.map_err(|error| Failure::write(&path, error))?;
             Ok(TableFile { table, path, writer, rows: 0 })
         };
         let endings = [(args.csv, "csv"), (args.parquet, "parquet")].into_iter().filter(|(is_asked, _)| *is_asked);
-        let files = endings.flat_map(|(_, ending)| TABLES.iter().map(move |table| create(table, ending)));
-        files.collect::<Result<_, _>>().map(Self)
+        let tables = endings.flat_map(|(_, ending)| TABLES.iter().map(move |table| (table, ending)));
+        let files = tables.map(|(table, ending)| create(table, ending)).collect::<Result<_, Failure>>()?;
+        Ok(Self { files, drafts })
     }
 
     /// Writes the rows of all lines of `journal`. An incomplete last line, as a killed run leaves it, counts as its
@@ -138,20 +160,25 @@ impl TableFiles {
 
     /// Adds the rows of a line of this type to all tables; `fault` is for what the line lacks.
     fn add(&mut self, kind: &str, line: &Value, fault: impl Fn(String) -> Failure) -> Result<(), Failure> {
-        self.0.iter_mut().filter(|file| file.table.lines.iter().any(|of| of == kind)).try_for_each(|file| {
+        self.files.iter_mut().filter(|file| file.table.lines.iter().any(|of| of == kind)).try_for_each(|file| {
             let rows = file.table.rows(line).map_err(&fault)?;
             file.rows += rows.len() as u64;
             rows.iter().try_for_each(|row| file.writer.row(row)).map_err(|error| Failure::write(&file.path, error))
         })
     }
 
-    /// Closes the files; their paths and numbers of rows.
+    /// Closes the files and gives them their names; their paths and numbers of rows.
     fn finish(self) -> Result<Vec<(PathBuf, u64)>, Failure> {
         let finish = |TableFile { path, writer, rows, .. }| match writer.finish() {
             Ok(()) => Ok((path, rows)),
             Err(error) => Err(Failure::write(&path, error)),
         };
-        self.0.into_iter().map(finish).collect()
+        let whole: Vec<(PathBuf, u64)> = self.files.into_iter().map(finish).collect::<Result<_, _>>()?;
+        let name =
+            |(path, _): &(PathBuf, u64)| fs::rename(draft_of(path), path).map_err(|error| Failure::write(path, error));
+        whole.iter().try_for_each(name)?;
+        drop(self.drafts);
+        Ok(whole)
     }
 }
 
