@@ -38,7 +38,7 @@ impl DiscFriction {
     ///
     /// The unknown is `x = s₁/(s₁+r₁)`, the root of a function that runs from `slide` at 0 to `-rim` at 1, found by
     /// regula falsi in which the value of the retained end is halved at every step (a variant of the Illinois method).
-    #[cold]
+    #[inline]
     fn remaining_small_slip(&self, slide: f64, rim: f64) -> [f64; 2] {
         let moves = slide * slide + (0.75 * rim).powi(2) > INSIDE_LIMIT_CURVE;
         if !moves {
