@@ -119,7 +119,7 @@ fn values_no_rig_has_are_reported() {
         Library::from_json(&bad.to_json(), "l").unwrap_err().iter().map(ToString::to_string).collect()
     };
     let faint = fault_lines(&|f| f.limit_counts = 0.0);
-    assert_eq!(faint, ["l: fields.limit_counts: expected a number from 1 to 1000000, found 0.0"]);
+    assert_eq!(faint, ["l: fields.limit_counts: expected a number from 1 to 1000000, found 0"]);
     let singular = fault_lines(&|f| f.twist_from_counts[2].fill_column(1, Complex::new(0.0, 0.0)));
     let allowed = "forces on x, y and spin that move the plate independently";
     assert_eq!(singular, [format!("l: fields.twist_from_counts[2]: expected {allowed}, found a singular matrix")]);

@@ -216,7 +216,7 @@ mod tests {
         type Change = fn(&mut Library);
         let cases: [(Change, &str); 6] = [
             (|l| l.shapes[2].0[1].sin = 1e300, "shapes.spin[1][1]: expected a number from -1000 to 1000, found 1e+300"),
-            (|l| l.attack_s = 101.0, "attack_s: expected a number from 0 to 100, found 101.0"),
+            (|l| l.attack_s = 101.0, "attack_s: expected a number from 0 to 100, found 101"),
             (
                 |l| l.entries[1].amplitudes[2] = -1_000_001,
                 "entries[1].amplitudes[2]: expected a whole number from -1000000 to 1000000, found -1000001",
@@ -227,11 +227,11 @@ mod tests {
             ),
             (
                 |l| l.entries[2].pump = Twist::new(0.0, 101.0, 0.0),
-                "entries[2].velocity_mm_s[1]: expected a number from -100000 to 100000, found 101000.0",
+                "entries[2].velocity_mm_s[1]: expected a number from -100000 to 100000, found 101000",
             ),
             (
                 |l| l.displacement.distance_m[1][2] = 1.5,
-                "displacement.distance_mm[1][2]: expected a number from 0 to 1000, found 1500.0",
+                "displacement.distance_mm[1][2]: expected a number from 0 to 1000, found 1500",
             ),
         ];
         for (change, line) in cases {
