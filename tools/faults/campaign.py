@@ -238,7 +238,7 @@ def print_tails(evidence):
         rows.append([kind, f"{once:.3f}", f"{per_nat:.4f}", f"{peaks[-1]:.2f}", f"{limit:.2f}", f"{alarms:.1e}"])
     print("\n" + "\n".join(table(["evidence", "once", "per nat", "most", "limit", "alarms in 1,000 h"], rows)))
     steps, missed = (sum(run[key] for run in evidence) for key in ("steps", "steps_missed"))
-    hours = sum(run["pulses"] for run in evidence) / PULSES_PER_1000_H * 1000
+    hours = pulses / PULSES_PER_1000_H * 1000
     print(f"{pulses} pulses ({hours:.1f} h of three a second), {steps} steps of parts, {missed} of them missed")
 
 

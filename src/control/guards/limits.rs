@@ -10,9 +10,8 @@ const MOTION: Tail = Tail { once: 0.143, per_nat: 0.0644 };
 /// Logarithms of a likelihood ratio: pictures are late, over in time. Errors of the model that repeat make them 2.7
 /// times as wide as chance would.
 const LATE: Tail = Tail { once: -12.97, per_nat: 2.70 };
-/// Steps of parts that were compared with their forecast, and those of them that missed it.
-const STEPS: f64 = 80_766.0;
-const STEPS_MISSED: f64 = 1.0;
+/// Largest share of steps of parts that miss their forecast: one did of those compared, 4.74 is its bound at 95 %.
+const MISSED: f64 = 4.74 / 80_766.0;
 /// Least number of missed steps in a row: one wrong observation spoils two.
 const LEAST_IN_A_ROW: u32 = 3;
 
@@ -30,14 +29,12 @@ pub struct Limits {
 impl Limits {
     /// The limits that one chance in a pulse exceeds once in `exp(nats)` pulses, on a plate with this number of parts.
     pub fn new(nats: f64, parts: usize) -> Self {
-        // the share is below that at 95 %: the rule of three where none was seen, and a little more where some were
-        let missed_nats = (STEPS / (STEPS_MISSED + 3.0 + 1.6 * f64::sqrt(STEPS_MISSED))).ln();
         let exceeded = |tail: Tail| tail.once + tail.per_nat * nats;
         let of_parts = nats + (parts.max(1) as f64).ln();
         Self {
             motion: exceeded(MOTION),
             late: exceeded(LATE),
-            steps: ((of_parts / missed_nats).ceil() as u32).max(LEAST_IN_A_ROW),
+            steps: ((of_parts / -MISSED.ln()).ceil() as u32).max(LEAST_IN_A_ROW),
         }
     }
 }

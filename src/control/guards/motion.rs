@@ -49,8 +49,8 @@ pub struct CoilResponses {
 }
 
 impl CoilResponses {
-    /// The responses in `library`, of a plate with parts of this mass on it, as a share of its own, and the deviation
-    /// that is a finding.
+    /// The responses in `library`. `parts_share` is the mass of the parts over that of the plate, and `limit` the
+    /// deviation that is a finding.
     pub fn new(library: &Library, parts_share: f64, limit: f64) -> Self {
         let load_mps2 = MOST_FRICTION * GRAVITY_MPS2 * parts_share;
         Self { field: library.field_coils(), rotation: library.rotation_coils(), load_mps2, limit }

@@ -25,7 +25,7 @@ pub enum Extent {
     Whole,
     /// To a stop from outside.
     Stopped,
-    /// Its program was killed: it has no report, and its last line may be half.
+    /// To its last whole line: it has no report, since its program was killed or still runs.
     Killed,
 }
 
