@@ -85,8 +85,18 @@ fn faulty_run_is_reported_and_repeats_from_its_folder() {
     assert_eq!(done.report.faults.len(), 4);
     let effective: Value = serde_json::from_str(&bytes(&done, "effective.json")).unwrap();
     assert_eq!(effective["job"]["faults"][3]["kind"], "moved");
-    let verdict = verify(&done.folder, &AtomicBool::new(false), &mut Fanout::default()).unwrap();
-    assert!(matches!(verdict, Verification::Equal { .. }), "{verdict:?}");
+    let verified = || verify(&done.folder, &AtomicBool::new(false), &mut Fanout::default()).unwrap();
+    let verdict = verified();
+    assert!(matches!(verdict, Verification::Equal { extent: Extent::Whole, .. }), "{verdict:?}");
+
+    let journal = bytes(&done, "journal.jsonl");
+    std::fs::write(done.folder.join("journal.jsonl"), journal.replace('\n', "\r\n")).unwrap();
+    assert_eq!(verified(), Verification::LineEnds);
+    // as a program leaves it that is killed while it writes a line
+    std::fs::write(done.folder.join("journal.jsonl"), &journal[..journal.len() / 2]).unwrap();
+    std::fs::remove_file(done.folder.join(folder::REPORT_FILE)).unwrap();
+    let verdict = verified();
+    assert!(matches!(verdict, Verification::Equal { extent: Extent::Killed, lines } if lines > 2), "{verdict:?}");
 }
 
 #[test]
