@@ -8,7 +8,10 @@ use upm_planning::planner::{Limit, PlanStatus, PlanningMethod};
 use upm_planning::task::Setpoints;
 
 /// Plans with pulses in which some measure of progress must improve; cycles that continue a sequence do not count.
+/// This and the other numbers of cycles are for at most [`SERVED`] parts, and in proportion for more.
 const FUTILE_CYCLES: u32 = 20;
+/// Parts that one motion brings nearer at a time: where there are more, they take turns.
+const SERVED: u32 = 8;
 /// The same where every part is within `NEAR` times the tolerance: each cycle may be the one that brings all of them
 /// in, as in a run of 24 coins after twenty cycles that brought them no nearer.
 const NEAR_CYCLES: u32 = 100;
@@ -124,7 +127,9 @@ impl ProgressWatch {
             self.limit = None;
         }
         let is_near = farthest_m(seen_m, &wanted.targets_m) < NEAR * self.tolerance_m;
-        self.futile >= if is_near { NEAR_CYCLES } else { FUTILE_CYCLES } || self.detour >= DETOUR_CYCLES
+        let allowed = |cycles| cycles * (seen_m.len() as u32).max(SERVED) / SERVED;
+        self.futile >= allowed(if is_near { NEAR_CYCLES } else { FUTILE_CYCLES })
+            || self.detour >= allowed(DETOUR_CYCLES)
     }
 
     /// True unless the last cycles brought no, or only negligible, progress.
@@ -260,6 +265,17 @@ mod tests {
         let ended =
             (0..200).find(|&cycle| watch.observe(&wanted, &[x(1e-4 * 0.9_f64.powi(cycle)), x(0.15)], cycle > 0));
         assert_eq!(ended, Some(FUTILE_CYCLES as i32), "one that is there does not count");
+    }
+
+    #[test]
+    fn more_parts_than_one_motion_serves_have_longer() {
+        let ended = |parts: usize| {
+            let wanted =
+                Setpoints { targets_m: vec![x(0.05); parts], subgoals_m: vec![x(0.05); parts], ..Setpoints::default() };
+            let mut watch = ProgressWatch::new(false, TOLERANCE_M);
+            (0..100).find(|&cycle| watch.observe(&wanted, &vec![x(0.0); parts], cycle > 0))
+        };
+        assert_eq!([1, 8, 24].map(ended), [Some(20), Some(20), Some(60)]);
     }
 
     #[test]
