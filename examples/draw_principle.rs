@@ -177,7 +177,7 @@ impl PlateDrawing {
         for [from_m, to_m] in ways {
             let ([x, y], [to_x, to_y]) = (self.px(from_m), self.px(to_m));
             let (along_x, along_y) = (to_x - x, to_y - y);
-            let length = along_x.hypot(along_y);
+            let length = (along_x * along_x + along_y * along_y).sqrt();
             if length < SHORTEST_PX {
                 continue;
             }

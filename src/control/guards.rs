@@ -44,6 +44,6 @@ impl Guards {
     /// Limits of the guards that rest on chance, for this number of parts.
     pub(super) fn limits(&self, parts: usize) -> Limits {
         let pulses_per_alarm = PULSES_PER_1000_H * BY_CHANCE / self.false_alarms_per_1000_h;
-        Limits::new(pulses_per_alarm.ln(), parts)
+        Limits::new(libm::log(pulses_per_alarm), parts)
     }
 }

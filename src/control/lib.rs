@@ -2,6 +2,8 @@
 //!
 //! Neither this crate nor anything it imports can reach ground truth: its only inputs are frames and traces.
 
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
 pub mod calibration;
 mod cycle;
 mod facts;

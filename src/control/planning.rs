@@ -120,7 +120,7 @@ impl<'a> Planning<'a> {
         if share >= LEAST_SHARE {
             return Continue(());
         }
-        let direction_deg = direction.y.atan2(direction.x).to_degrees().rem_euclid(180.0);
+        let direction_deg = libm::atan2(direction.y, direction.x).to_degrees().rem_euclid(180.0);
         let part = self.params.id(part);
         let reason = format!(
             "rotations cannot move the parts independently: {part} towards {direction_deg:.0} deg with {share:.1e} of the \

@@ -176,7 +176,7 @@ impl ProgressWatch {
         let Some((part, way_m)) = self.blocking_part(wanted, seen_m) else {
             return "there are no parts".into();
         };
-        let direction_deg = way_m.y.atan2(way_m.x).to_degrees();
+        let direction_deg = libm::atan2(way_m.y, way_m.x).to_degrees();
         let blocked = if wanted.blocked.contains(&part) { ", and blocked by other parts" } else { "" };
         let way_mm = 1e3 * way_m.norm();
         format!("{} is {way_mm:.2} mm from its place, which is towards {direction_deg:.0} deg{blocked}", id(part))

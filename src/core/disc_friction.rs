@@ -102,7 +102,7 @@ impl Ratio {
         match self {
             Self::Spinning(e) => quarter_turn(|sin2, cos2| {
                 let chord2 = 1.0 - e * e * cos2;
-                [4.0 / PI * sin2 * chord2.sqrt(), 4.0 / (3.0 * PI) * chord2.powf(1.5)]
+                [4.0 / PI * sin2 * chord2.sqrt(), 4.0 / (3.0 * PI) * libm::pow(chord2, 1.5)]
             }),
             Self::Sliding(k) => quarter_turn(|sin2, cos2| {
                 let chord = (1.0 - k * k * sin2).sqrt();
@@ -125,7 +125,7 @@ fn quarter_turn(integrand: impl Fn(f64, f64) -> [f64; 2]) -> [f64; 2] {
     let step = FRAC_PI_2 / QUARTER_POINTS as f64;
     let mut sum = [0.0; 2];
     for i in 0..=QUARTER_POINTS {
-        let (sin, cos) = (step * i as f64).sin_cos();
+        let (sin, cos) = libm::sincos(step * i as f64);
         let weight = if i == 0 || i == QUARTER_POINTS { 0.5 * step } else { step };
         let value = integrand(sin * sin, cos * cos);
         sum = [sum[0] + weight * value[0], sum[1] + weight * value[1]];

@@ -20,6 +20,8 @@
 //! assert!(corners_px[0].x < corners_px[1].x);
 //! ```
 
+#![allow(clippy::disallowed_methods, reason = "its pictures are drawn for tests")]
+
 mod clutter;
 mod exposure;
 mod generate;

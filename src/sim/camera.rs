@@ -286,7 +286,7 @@ struct Illumination {
 
 impl Illumination {
     fn new(params: &CameraParams) -> Self {
-        let (sin, cos) = params.shading_direction_rad.sin_cos();
+        let (sin, cos) = libm::sincos(params.shading_direction_rad);
         let last = params.size_px.map(|count| count.saturating_sub(1) as f64);
         let (x, y) = (cos * last[0], sin * last[1]);
         let (near, far) = (x.min(0.0) + y.min(0.0), x.max(0.0) + y.max(0.0));

@@ -29,11 +29,11 @@ impl Oscillator {
         let (cos, sin_over_beat) = if turn < 1e-6 {
             (1.0 - 0.5 * beat2 * step_s * step_s, step_s)
         } else if beat2 > 0.0 {
-            (turn.cos(), turn.sin() / beat)
+            (libm::cos(turn), libm::sin(turn) / beat)
         } else {
-            (turn.cosh(), turn.sinh() / beat)
+            (libm::cosh(turn), libm::sinh(turn) / beat)
         };
-        let fade = (-decay * step_s).exp();
+        let fade = libm::exp(-decay * step_s);
         let (even, odd) = (fade * cos, fade * sin_over_beat);
         let stays = even + decay * odd;
         // ∫ of the impulse response; its series where the closed form would lose precision.

@@ -56,7 +56,7 @@ impl PlateMotion {
     /// Proper acceleration of a sensor fixed to the plate at `p_plate_m`, along the plate's axes, m/s²: the centre's
     /// acceleration, that of the spin, and the centripetal part.
     pub fn proper_acceleration_at(&self, p_plate_m: Vec2) -> Vec2 {
-        let (sin, cos) = self.plate_in_table.heading_rad.sin_cos();
+        let (sin, cos) = libm::sincos(self.plate_in_table.heading_rad);
         let center = self.acceleration.velocity_mps;
         let center_in_plate = center * cos - perp(center) * sin;
         let spin = self.twist.spin_radps;

@@ -3,6 +3,8 @@
 //! The feature `rerun` adds the Rerun SDK. Without it this crate has the same interface and makes no recordings;
 //! [`BUILT_IN`] reports which it is. No code outside this crate checks the feature.
 
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
+
 #[cfg(not(feature = "rerun"))]
 mod absent;
 #[cfg(feature = "rerun")]

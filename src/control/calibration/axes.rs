@@ -7,6 +7,7 @@ use super::coils::CoilGains;
 use super::fault::LEAST_LAG_DEG;
 use super::{CalibrationFault, CalibrationParams, CalibrationSession, MiswiredChannel};
 use upm_core::geometry::Vec2;
+use upm_core::phasor::argument;
 use upm_core::rig::RigModel;
 use upm_core::signal::{CHANNELS, Harmonic, MotorArrangement};
 use upm_perception::estimation::{AxisPhasors, Coefficients, check_channels, relative_gains};
@@ -101,7 +102,7 @@ fn check(
     let [first, second] = CoilGains::read(pulses, &session.sensors, session.model);
     second.check_working()?;
     for axis in 0..3 {
-        let lag_deg = -(responses[axis].first / shapes[axis].0[0].phasor()).arg().to_degrees();
+        let lag_deg = -argument(responses[axis].first / shapes[axis].0[0].phasor()).to_degrees();
         if lag_deg.is_nan() || lag_deg < LEAST_LAG_DEG {
             let base_hz = session.model.base_radps / TAU;
             return Err(CalibrationFault::Resonance { axis: NAMES[axis], lag_deg, base_hz });

@@ -10,6 +10,7 @@ use nalgebra::{Complex, Matrix3, Matrix3x4, Matrix4, Matrix4x3};
 use super::axis_pulse::AxisPulse;
 use super::{CalibrationFault, CoilFault};
 use upm_core::geometry::{Twist, Vec2};
+use upm_core::phasor::{argument, polar};
 use upm_core::rig::RigModel;
 use upm_core::signal::{MOTORS, Motor, MotorArrangement};
 use upm_perception::estimation::{AccelerometerPair, twist_from_corners};
@@ -165,6 +166,6 @@ fn answer(
 
 /// The response without the delay common to all: the motors' low-pass turns a harmonic by less than 90°.
 fn real_part(answers: &Matrix3<Complex<f64>>) -> Matrix3<f64> {
-    let turned_rad = 0.5 * answers.iter().map(|answer| answer * answer).sum::<Complex<f64>>().arg();
-    answers.map(|answer| (answer * Complex::from_polar(1.0, -turned_rad)).re)
+    let turned_rad = 0.5 * argument(answers.iter().map(|answer| answer * answer).sum::<Complex<f64>>());
+    answers.map(|answer| (answer * polar(1.0, -turned_rad)).re)
 }

@@ -101,7 +101,7 @@ pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<SteeringMotion> 
         [[0.0, 0.0], [-0.6, -0.3], [0.3, 0.6], [0.6, -0.6], [-0.3, 0.3], [1.5, 0.7], [-1.2, 1.5], [-0.6, -2.0]];
     let centers = CENTERS.map(|[x, y]| Twist::about(Vec2::new(x, y) * half_side_m, 1.0));
     let translations = (0..4).map(|i| {
-        let (sin, cos) = (FRAC_PI_4 * f64::from(i)).sin_cos();
+        let (sin, cos) = libm::sincos(FRAC_PI_4 * f64::from(i));
         Twist::new(cos, sin, 0.0)
     });
     let directions: Vec<Twist> = centers.into_iter().chain(translations).collect();
@@ -204,7 +204,7 @@ fn fit(samples: &[DisplacementSample], sustain_s: Vec<f64>) -> DisplacementModel
     let fastest = samples.iter().map(|s| s.speed_mps).fold(0.0, f64::max);
     // One in a hundred may be an outlier: a coin near the centre of rotation that something else moved.
     let first = 0.8 * moving.get(moving.len() / 100).map_or(fastest, |&slowest| slowest);
-    let ratio = (fastest / first).powf(1.0 / (SPEEDS - 1) as f64);
+    let ratio = libm::pow(fastest / first, 1.0 / (SPEEDS - 1) as f64);
     let speed_mps: Vec<f64> = (0..SPEEDS as i32).map(|i| first * ratio.powi(i)).collect();
 
     let columns: Vec<(Vec<f64>, Vec<f64>)> = (0..sustain_s.len())

@@ -7,6 +7,7 @@ use nalgebra::{Complex, Vector3};
 
 use super::axis_pulse::AROUND;
 use super::{CalibrationFault, CalibrationSession};
+use upm_core::phasor::polar;
 use upm_core::rig::RigModel;
 use upm_core::signal::{Drive, Envelope, MotorArrangement};
 use upm_perception::estimation::{FitFault, OscillatorFit, axis_lines, fit_oscillator};
@@ -105,7 +106,7 @@ fn multisine(session: &CalibrationSession<'_>, axis: usize) -> Drive {
     let mut unit = Drive { base_radps, envelope, ..Drive::default() };
     for k in 1..=LINES {
         let k = k as f64;
-        let line = Complex::from_polar(k, -PI * k * k / LINES as f64);
+        let line = polar(k, -PI * k * k / LINES as f64);
         let counts = Vector3::from_fn(|i, _| if i == axis { line } else { Complex::default() });
         for (motor, harmonic) in unit.motors.iter_mut().zip(model.motor_arrangement.turned(motor_harmonics(&counts))) {
             motor.push(harmonic);

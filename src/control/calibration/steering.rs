@@ -92,7 +92,7 @@ pub(super) fn strong_motions(half_side_m: f64, params: &CalibrationParams) -> Ve
     let rings = params.rings.iter().enumerate().flat_map(|(k, radius)| {
         (0..params.ring_centers).map(move |i| {
             let angle = TAU * (i as f64 + 0.5 * (k % 2) as f64) / params.ring_centers as f64;
-            let center = Vec2::new(angle.cos(), angle.sin()) * *radius * half_side_m;
+            let center = Vec2::new(libm::cos(angle), libm::sin(angle)) * *radius * half_side_m;
             Twist::about(center, 1.0 / (radius * half_side_m))
         })
     });
@@ -117,6 +117,6 @@ fn grid(n: usize, reach_m: f64) -> impl Iterator<Item = Twist> {
 fn translations(n: usize) -> impl Iterator<Item = Twist> {
     (0..n).map(move |i| {
         let angle = 0.5 * TAU * i as f64 / n as f64;
-        Twist::new(angle.cos(), angle.sin(), 0.0)
+        Twist::new(libm::cos(angle), libm::sin(angle), 0.0)
     })
 }

@@ -93,7 +93,7 @@ impl Residual {
     fn evidence_for(self, other: Self, usual_px2: f64, apart_px2: f64) -> f64 {
         let [this_px2, other_px2] = [self.px2, other.px2].map(|px2| px2 + usual_px2);
         let is_told = apart_px2 > this_px2.min(other_px2);
-        if is_told { 0.5 * self.count * (this_px2 / other_px2).ln() } else { 0.0 }
+        if is_told { 0.5 * self.count * libm::log(this_px2 / other_px2) } else { 0.0 }
     }
 }
 
@@ -276,7 +276,7 @@ impl PlateSwing {
         let (slope, curvature) = (self.envelope.slope(t_s), self.envelope.curvature(t_s));
         let place = (1..).zip(&self.wave.harmonics).fold(Twist::ZERO, |place, (k, harmonic)| {
             let rate = f64::from(k) * self.wave.base_radps;
-            let (sin, cos) = (rate * t_s).sin_cos();
+            let (sin, cos) = libm::sincos(rate * t_s);
             let (velocity, integral) =
                 (harmonic.cos * cos + harmonic.sin * sin, harmonic.cos * sin + harmonic.sin * -cos);
             place + integral * ((height - curvature / (rate * rate)) / rate) + velocity * (slope / (rate * rate))

@@ -30,11 +30,11 @@ impl Limits {
     /// The limits that one chance in a pulse exceeds once in `exp(nats)` pulses, on a plate with this number of parts.
     pub fn new(nats: f64, parts: usize) -> Self {
         let exceeded = |tail: Tail| tail.once + tail.per_nat * nats;
-        let of_parts = nats + (parts.max(1) as f64).ln();
+        let of_parts = nats + libm::log(parts.max(1) as f64);
         Self {
             motion: exceeded(MOTION),
             late: exceeded(LATE),
-            steps: ((of_parts / -MISSED.ln()).ceil() as u32).max(LEAST_IN_A_ROW),
+            steps: ((of_parts / -libm::log(MISSED)).ceil() as u32).max(LEAST_IN_A_ROW),
         }
     }
 }

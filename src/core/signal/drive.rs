@@ -85,7 +85,7 @@ impl Drive {
         if height == 0.0 {
             return [0.0; MOTORS];
         }
-        let sin_cos = (self.base_radps * t_s).sin_cos();
+        let sin_cos = libm::sincos(self.base_radps * t_s);
         if height == 1.0 {
             return sums_at(self.motors.each_ref(), sin_cos);
         }
@@ -121,7 +121,7 @@ impl Drive {
         let period_s = std::f64::consts::TAU / self.base_radps;
         let mut peak = 0.0f64;
         for i in 1..=STEPS {
-            let [f, g, c] = self.parts_at((self.base_radps * (period_s * i as f64 / STEPS as f64)).sin_cos());
+            let [f, g, c] = self.parts_at(libm::sincos(self.base_radps * (period_s * i as f64 / STEPS as f64)));
             for motor in 0..MOTORS {
                 let (f, g, c) = (f[motor], g[motor], c[motor]);
                 // the exact maximum costs more than its bound, which few phases pass

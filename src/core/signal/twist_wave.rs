@@ -53,7 +53,7 @@ impl TwistWave {
     #[inline]
     pub fn at(&self, t_s: f64) -> Twist {
         (1..).zip(&self.harmonics).fold(Twist::ZERO, |sum, (k, harmonic)| {
-            let (sin, cos) = (f64::from(k) * self.base_radps * t_s).sin_cos();
+            let (sin, cos) = libm::sincos(f64::from(k) * self.base_radps * t_s);
             sum + harmonic.cos * cos + harmonic.sin * sin
         })
     }

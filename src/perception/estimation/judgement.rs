@@ -17,6 +17,7 @@ use self::reading::TraceReading;
 use super::accelerometer_phasors::{AccelerometerPhasors, Velocity, accelerometer_phasors};
 use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2};
 use upm_core::geometry::Vec2;
+use upm_core::phasor::magnitude;
 use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic, TwistWave};
 
 /// Tolerance of a coefficient in standard deviations when two periods or more were read.
@@ -164,7 +165,7 @@ pub fn judge(
 
 /// True for a motion strong enough that accelerometers have to show it.
 fn is_strong(expected: &ExpectedMotion<'_>, planned: &AccelerometerPhasors) -> bool {
-    let largest_mps2 = planned.iter().flatten().map(|a| a.norm()).fold(0.0, f64::max);
+    let largest_mps2 = planned.iter().flatten().map(|a| magnitude(*a)).fold(0.0, f64::max);
     expected.periods() >= READABLE_PERIODS && largest_mps2 >= STRONG * WEAKEST_MPS2
 }
 
@@ -288,7 +289,7 @@ impl<'a> PulseJudge<'a> {
             && best <= self.expected.limit
         {
             let coefficients = (2 * CHANNELS * self.noise.len()) as f64;
-            let odds = (0.5 * coefficients * (other * other - best * best)).exp();
+            let odds = libm::exp(0.5 * coefficients * (other * other - best * best));
             return (verdict, other.is_finite().then_some(RunnerUp { verdict: runner_up, odds }));
         }
         let erratic = (0..CHANNELS).map(|channel| (self.score_without(channel), channel));

@@ -13,6 +13,7 @@ use nalgebra::{Complex, Vector3};
 
 use super::{AxisPhasors, Coefficients, PumpWaveQuality};
 use upm_core::geometry::Twist;
+use upm_core::phasor::{argument, magnitude};
 
 /// Sign of the mean friction force on a part at rest under acceleration c1, s1, c2, s2: 1, -1, or 0 on the null
 /// (Eq. 14).
@@ -36,7 +37,7 @@ pub fn nearest_pump(axes: &[AxisPhasors; 3], spin_arm_m: f64) -> (Twist, PumpWav
 
 /// φ from the first harmonic; of the two values half a turn apart the one whose force points along `Re(Z1 e^{jφ})`.
 fn first_guess(first: &Vector3<Complex<f64>>, second: &Vector3<Complex<f64>>) -> f64 {
-    let phase_rad = -0.5 * first.iter().map(|z| z * z).sum::<Complex<f64>>().arg();
+    let phase_rad = -0.5 * argument(first.iter().map(|z| z * z).sum::<Complex<f64>>());
     let direction = turned(first, phase_rad);
     let (first, second) = (along(first, &direction), along(second, &direction));
     // Eq. 14 for velocity phasors: with `A1 = jw Z1`, `A2 = 2jw Z2` its bracket is `-2w³ Re(Z1² conj Z2)`
@@ -72,12 +73,12 @@ fn quality(first: &Vector3<Complex<f64>>, second: &Vector3<Complex<f64>>, pump: 
     let whole = AxisPhasors { first: along(first, pump), second: along(second, pump) };
     let ratio = whole.harmonic_ratio().unwrap_or_default();
     // Along the pump an ideal wave has the ratio -½.
-    PumpWaveQuality { harmonic_ratio: ratio.norm(), harmonic_phase_rad: (-ratio).arg() }
+    PumpWaveQuality { harmonic_ratio: magnitude(ratio), harmonic_phase_rad: argument(-ratio) }
 }
 
 /// `Re(z e^{jφ})`, component by component.
 fn turned(z: &Vector3<Complex<f64>>, phase_rad: f64) -> Vector3<f64> {
-    let (sin, cos) = phase_rad.sin_cos();
+    let (sin, cos) = libm::sincos(phase_rad);
     z.map(|z| z.re * cos - z.im * sin)
 }
 

@@ -15,11 +15,12 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Complex, DMatrix, DVector};
-use rustfft::FftPlanner;
+use rustfft::FftPlannerScalar;
 
 use super::twist_from_corners;
 use super::{AccelerometerPair, FitFault, accelerations_mps2, refuse_bad, refuse_cut_short, sustain_window};
 use upm_core::geometry::Vec2;
+use upm_core::phasor::{magnitude, polar};
 use upm_core::signal::{AccelTrace, CHANNELS, Envelope};
 
 /// Iterations on the delay and on the weights.
@@ -45,10 +46,11 @@ pub struct OscillatorFit {
 }
 
 /// Amplitude phasors of `values` at 0, 1, 2, … cycles over their length, up to half their number: `c - js` for
-/// `c cos + s sin` counted from the first value. FFT by `rustfft`, any length.
+/// `c cos + s sin` counted from the first value. FFT by `rustfft`, any length, of
+/// equal bits whatever vectors the processor has.
 pub fn amplitude_spectrum(values: &[f64]) -> Vec<Complex<f64>> {
     let mut bins: Vec<Complex<f64>> = values.iter().map(|&value| Complex::new(value, 0.0)).collect();
-    FftPlanner::new().plan_fft_forward(bins.len()).process(&mut bins);
+    FftPlannerScalar::new().plan_fft_forward(bins.len()).process(&mut bins);
     bins.truncate(values.len() / 2 + 1);
     let count = values.len();
     let scale = 2.0 / count.max(1) as f64;
@@ -81,7 +83,7 @@ pub fn axis_lines(
     let channels = accelerations_mps2(trace, &window)?;
     let spectra: Vec<_> = channels.iter().map(|values| amplitude_spectrum(values)).collect();
     let line = |channel: usize, k: usize| {
-        let at_start = Complex::from_polar(1.0 / sensors.gain[channel], -(k as f64) * base_radps * window.start_s);
+        let at_start = polar(1.0 / sensors.gain[channel], -(k as f64) * base_radps * window.start_s);
         spectra[channel].get(k * window.periods).map(|bin| bin * at_start)
     };
     let mut axes = [const { Vec::new() }; 3];
@@ -122,7 +124,7 @@ pub fn fit_oscillator(
     let undetermined = |found_sd: f64| FitFault::Undetermined { found_sd, needed_sd: LARGEST_SD };
     let lines: Vec<SpectralLine> = (1..)
         .zip(force.iter().zip(accel))
-        .filter(|(_, (force, accel))| force.norm() > 0.0 && accel.norm() > 0.0)
+        .filter(|(_, (force, accel))| magnitude(**force) > 0.0 && magnitude(**accel) > 0.0)
         .map(|(k, (&force, &accel))| SpectralLine { order: f64::from(k), force, accel })
         .collect();
     if 2 * lines.len() <= UNKNOWNS {
@@ -130,7 +132,7 @@ pub fn fit_oscillator(
     }
     // Noise in A enters the equation through the impedance F/A: its inverse is the weight (Sanathanan and Koerner,
     // 1963).
-    let mut weights: Vec<f64> = lines.iter().map(|line| line.accel.norm() / line.force.norm()).collect();
+    let mut weights: Vec<f64> = lines.iter().map(|line| magnitude(line.accel) / magnitude(line.force)).collect();
     let mut delay_rad = 0.0;
     let mut solved = None;
     for _ in 0..PASSES {
@@ -139,7 +141,7 @@ pub fn fit_oscillator(
         let [mass, damping, stiffness] = [0, 1, 2].map(|i| solution.value[i]);
         for (weight, line) in weights.iter_mut().zip(&lines) {
             let k = line.order;
-            *weight = Complex::new(mass - stiffness / (k * k), -damping / k).norm().recip();
+            *weight = magnitude(Complex::new(mass - stiffness / (k * k), -damping / k)).recip();
         }
         solved = Some(solution);
     }
@@ -173,7 +175,7 @@ fn solve(lines: &[SpectralLine], weights: &[f64], delay_rad: f64) -> Option<Solu
     let mut wanted = DVector::zeros(rows);
     for (i, (line, &weight)) in lines.iter().zip(weights).enumerate() {
         let per_s = Complex::new(0.0, -line.order.recip());
-        let force = line.force * Complex::from_polar(1.0, -line.order * delay_rad);
+        let force = line.force * polar(1.0, -line.order * delay_rad);
         let one = Complex::new(1.0, 0.0);
         let terms = [
             line.accel,

@@ -87,7 +87,7 @@ impl AxisPhasors {
     /// `second · conj(first)² / |first|³`, invariant to time shifts: -½ for a pump wave that pushes forwards, +½ for
     /// one that pushes backwards (Eq. 5); `None` for an axis at rest.
     pub fn harmonic_ratio(&self) -> Option<Complex<f64>> {
-        let size = self.first.norm();
+        let size = upm_core::phasor::magnitude(self.first);
         let ratio = self.second * (self.first.conj() / size).powi(2) / size;
         ratio.is_finite().then_some(ratio)
     }

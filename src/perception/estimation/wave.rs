@@ -54,7 +54,7 @@ pub fn fit_wave(
     let accel_mps2: [Vec<[f64; 2]>; CHANNELS] = std::array::from_fn(|channel| {
         (0..harmonics).map(|k| [coefficient(2 * k, channel), coefficient(2 * k + 1, channel)]).collect()
     });
-    let found_mps2 = accel_mps2.iter().flatten().map(|[c, s]| c.hypot(*s)).fold(0.0, f64::max);
+    let found_mps2 = accel_mps2.iter().flatten().map(|[c, s]| libm::hypot(*c, *s)).fold(0.0, f64::max);
     if found_mps2 < WEAKEST_MPS2 || !found_mps2.is_finite() {
         return Err(FitFault::TooWeak { found_mps2, needed_mps2: WEAKEST_MPS2 });
     }
@@ -76,7 +76,7 @@ fn regressors(window: &SteadyWindow, base_radps: f64, harmonics: usize) -> DMatr
     let half = 0.5 * window.samples.len() as f64;
     for (i, t_s) in window.times_s().enumerate() {
         for k in 0..harmonics {
-            let (sin, cos) = ((k + 1) as f64 * base_radps * t_s).sin_cos();
+            let (sin, cos) = libm::sincos((k + 1) as f64 * base_radps * t_s);
             (rows[(i, 2 * k)], rows[(i, 2 * k + 1)]) = (cos, sin);
         }
         let u = (i as f64 + 0.5) / half - 1.0;

@@ -146,7 +146,7 @@ impl CoinFinder {
             for candidate in own {
                 let distance = |other: &DiskCandidate| {
                     let [dx, dy] = [0, 1].map(|i| candidate.cell[i] as f64 - other.cell[i] as f64);
-                    dx.hypot(dy)
+                    libm::hypot(dx, dy)
                 };
                 if kept.len() < MOST_CANDIDATES && kept.iter().all(|other| distance(other) > near) {
                     kept.push(candidate);

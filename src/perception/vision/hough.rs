@@ -163,7 +163,7 @@ fn column_of(outward: Vec2) -> i32 {
 }
 
 fn direction(column: f64) -> Vec2 {
-    let (sin, cos) = (column / ANGLES as f64 * TAU).sin_cos();
+    let (sin, cos) = libm::sincos(column / ANGLES as f64 * TAU);
     Vec2::new(cos, sin)
 }
 

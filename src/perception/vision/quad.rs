@@ -143,7 +143,7 @@ fn parallel_pairs(lines: &[DetectedLine], shape: QuadShape, least_side_px: f64) 
         for (j, DetectedLine { line: b, .. }) in lines.iter().enumerate().skip(i + 1) {
             let cosine = a.normal.dot(&b.normal);
             let apart = (a.offset - cosine.signum() * b.offset).abs();
-            if cosine.abs() > shape.parallel_rad.cos() && (cosine.abs() < 0.99 || apart > least_side_px / 2.0) {
+            if cosine.abs() > libm::cos(shape.parallel_rad) && (cosine.abs() < 0.99 || apart > least_side_px / 2.0) {
                 pairs.push([i, j]);
             }
         }
@@ -160,7 +160,7 @@ fn quad(
 ) -> Option<Result<Quad, Rejected>> {
     let mut around = [first[0], second[0], first[1], second[1]];
     let [a, b, c, d] = around.map(|i| &lines[i].line);
-    if a.normal.dot(&b.normal).abs() > shape.square_rad.sin() {
+    if a.normal.dot(&b.normal).abs() > libm::sin(shape.square_rad) {
         return None;
     }
     let mut corners = [d.meets(a)?, a.meets(b)?, b.meets(c)?, c.meets(d)?];

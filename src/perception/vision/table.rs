@@ -46,7 +46,7 @@ impl Table {
         let corners_px = corners.map(|corner| lens.image_from_ideal(corner));
         let side_px = (0..4).map(|i| (corners_px[(i + 1) % 4] - corners_px[i]).norm()).sum::<f64>() / 4.0;
         let right = ideal_from_table.jacobian_at(Vec2::zeros()) * Vec2::x();
-        let rotation_rad = (-right.y).atan2(right.x);
+        let rotation_rad = libm::atan2(-right.y, right.x);
         let finite = side_px.is_finite() && rotation_rad.is_finite() && camera_in_table_m.iter().all(|x| x.is_finite());
         let table = Self {
             corners_px,

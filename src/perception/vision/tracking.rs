@@ -182,7 +182,7 @@ impl Tracker {
             if own[i].is_none() && own.contains(&Some(k)) {
                 return f64::INFINITY;
             }
-            (part.center_px - place).norm_squared() / variance + 2.0 * variance.ln()
+            (part.center_px - place).norm_squared() / variance + 2.0 * libm::log(variance)
         };
         let (rows, columns) = (self.tracks.len(), pool.len());
         let moved = assign(rows, columns, UNSEEN, |i, k| cost(self.motions[i].place_px, i, k));

@@ -1,6 +1,7 @@
 use nalgebra::{Complex, Vector3};
 
 use super::{AxisShape, FieldResponse, Library, PlateResponse};
+use upm_core::phasor::argument;
 use upm_core::signal::{Drive, Envelope, Follows, Harmonic, MOTORS, MotorArrangement, Shaping, TwistWave};
 
 /// Relative difference below which two base frequencies are equal.
@@ -116,7 +117,7 @@ impl Library {
             // force over that of a free mass, -sin 2wt, and the plate's own contribution to it
             let force = self.shapes[axis].0[1].phasor() / Complex::i();
             let plate = self.plate.unwrap_or_default().flank_factors(axis, rate_radps)[1].inv();
-            (force / (plate * -(rate_radps * rate_radps).recip())).arg()
+            argument(force / (plate * -(rate_radps * rate_radps).recip()))
         };
         let mean_rad = (lead_rad(0) + lead_rad(1) + lead_rad(2)) / 3.0;
         (mean_rad / rate_radps).clamp(0.0, 0.25 * self.attack_s)

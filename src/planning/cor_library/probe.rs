@@ -5,6 +5,7 @@ use nalgebra::{Complex, Vector3};
 use super::drive::shaped_drive;
 use super::{CoilResponse, Library, motor_harmonics};
 use upm_core::geometry::{Twist, Vec2};
+use upm_core::phasor::polar;
 use upm_core::signal::{Drive, Envelope, MOTORS};
 
 /// Force phasors of x, y and spin. The spin is a quarter period ahead, so that all coils play equal amplitudes.
@@ -35,7 +36,7 @@ impl Library {
             }
         };
         let unit = self.motor_arrangement.turned(motor_harmonics(&Vector3::from(AXES)));
-        let largest = unit.iter().map(|harmonic| harmonic.cos.hypot(harmonic.sin)).fold(0.0, f64::max);
+        let largest = unit.iter().map(|harmonic| libm::hypot(harmonic.cos, harmonic.sin)).fold(0.0, f64::max);
         let corner_mps2 = self.corner_mps2(&coils, base_radps, &unit.map(|harmonic| harmonic.phasor()))?;
         let counts = (CORNER_MPS2 / corner_mps2).min(MOST_DRIVE * limit_counts / largest);
         let force = Vector3::from(AXES) * Complex::from(counts);
@@ -55,8 +56,7 @@ impl Library {
         }
         let half_m = 0.5 * self.plate_side_m;
         let corners = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * half_m);
-        let instants =
-            (0..INSTANTS).map(|i| Complex::from_polar(1.0, std::f64::consts::TAU * i as f64 / INSTANTS as f64));
+        let instants = (0..INSTANTS).map(|i| polar(1.0, std::f64::consts::TAU * i as f64 / INSTANTS as f64));
         let fastest_mps = instants.fold(0.0, |fastest: f64, turn| {
             let twist = Twist::from_vector(sum.map(|phasor| (phasor * turn).re));
             corners.iter().map(|&corner| twist.velocity_at(corner).norm()).fold(fastest, f64::max)

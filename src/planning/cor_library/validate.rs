@@ -111,7 +111,7 @@ fn field_faults(response: Option<&FieldResponse>, rig: &RigModel) -> Vec<Diagnos
 /// Eigenvalues of the sum of τ τ^T over all flows τ, the larger first.
 pub(crate) fn flow_eigenvalues(flows: impl Iterator<Item = Vec2>) -> [f64; 2] {
     let (xx, xy, yy) = flows.fold((0.0, 0.0, 0.0), |(xx, xy, yy), t| (xx + t.x * t.x, xy + t.x * t.y, yy + t.y * t.y));
-    let (middle, spread) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+    let (middle, spread) = (0.5 * (xx + yy), libm::hypot(0.5 * (xx - yy), xy));
     [middle + spread, middle - spread]
 }
 

@@ -20,7 +20,7 @@ const SPIN_RADPS: f64 = 8.0;
 
 /// Mean force over μ m g on a part that moves at `ratio` of the belt's amplitude.
 fn mean_force(ratio: f64) -> f64 {
-    FRAC_2_PI * ((1.0 - (3.0 - 4.0 * ratio.min(0.5)).sqrt()) / 2.0).acos() - 1.0
+    FRAC_2_PI * libm::acos((1.0 - (3.0 - 4.0 * ratio.min(0.5)).sqrt()) / 2.0) - 1.0
 }
 
 /// Distance travelled in one pulse on a belt of amplitude `speed_mps`, m: pumped for S + 2A, then coasting to rest.
@@ -57,7 +57,7 @@ fn build() -> Arc<Library> {
     let at = |k: i32| HALF_SIDE_M * f64::from(k - 8) / 8.0;
     let rotation = |k: i32| Twist::about(Vec2::new(at(k % 17), at(k / 17)), SPIN_RADPS);
     let translation = |k: i32| {
-        let (sin, cos) = (PI * f64::from(k) / 16.0).sin_cos();
+        let (sin, cos) = libm::sincos(PI * f64::from(k) / 16.0);
         Twist::new(0.8 * cos, 0.8 * sin, 0.0)
     };
     let pumps = (0..289).map(rotation).chain((0..16).map(translation));

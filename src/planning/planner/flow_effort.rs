@@ -32,7 +32,7 @@ impl FlowEffort {
         let half_side_m = 0.5 * library.plate_side_m;
         let fastest =
             |twist: &Twist| twist.velocity_mps.norm() + twist.spin_radps.abs() * half_side_m * std::f64::consts::SQRT_2;
-        let typical = |twist: &Twist| twist.velocity_mps.norm().hypot(0.7 * twist.spin_radps * half_side_m);
+        let typical = |twist: &Twist| libm::hypot(twist.velocity_mps.norm(), 0.7 * twist.spin_radps * half_side_m);
         let strongest = library.entries.iter().map(|entry| typical(&entry.pump)).fold(0.0, f64::max);
         let pumps = library.entries.iter().map(|entry| entry.pump);
         let strong: Vec<Twist> = pumps.filter(|twist| typical(twist) >= STRONG * strongest).collect();

@@ -146,7 +146,7 @@ impl Pump {
 
     /// f at `t_s`.
     fn shape(&self, t_s: f64, envelope: &Envelope) -> f64 {
-        let (sin, cos) = (self.base_radps * t_s).sin_cos();
+        let (sin, cos) = libm::sincos(self.base_radps * t_s);
         let (sin_2, cos_2) = (2.0 * sin * cos, cos * cos - sin * sin);
         let velocity = sin + 0.5 * cos_2;
         let displacement = (0.25 * sin_2 - cos) / self.base_radps;

@@ -47,7 +47,7 @@ impl Reach {
         let mut strongest = Vec::new();
         let (mut weakest_projection, mut weakest_direction, mut weakest_entry) = (f64::INFINITY, Vec2::x(), None);
         for k in 0..DIRECTIONS {
-            let (sin, cos) = (std::f64::consts::PI * k as f64 / DIRECTIONS as f64).sin_cos();
+            let (sin, cos) = libm::sincos(std::f64::consts::PI * k as f64 / DIRECTIONS as f64);
             let direction = Vec2::new(cos, sin);
             let (projection, entry) = strongest_along(&flows, direction);
             strongest.extend(entry);

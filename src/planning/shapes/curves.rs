@@ -16,7 +16,7 @@ const LARGEST_M: f64 = 1.0;
 pub fn circle_path(center_m: Vec2, radius_m: f64, start_rad: f64, clockwise: bool) -> Vec<Vec2> {
     let way_rad = if clockwise { -TAU } else { TAU };
     closed(CIRCLE_PIECES, |share| {
-        let (sin, cos) = (start_rad + way_rad * share).sin_cos();
+        let (sin, cos) = libm::sincos(start_rad + way_rad * share);
         center_m + radius_m * Vec2::new(cos, sin)
     })
 }
@@ -33,7 +33,7 @@ pub fn lissajous_path(center_m: Vec2, size_m: Vec2, frequencies: [u32; 2], phase
     let reach_m = 0.5 * size_m;
     closed(pieces, |share| {
         let time = TAU * share;
-        let along = Vec2::new((a * time + phase_rad).sin(), (b * time).sin());
+        let along = Vec2::new(libm::sin(a * time + phase_rad), libm::sin(b * time));
         center_m + reach_m.component_mul(&along)
     })
 }

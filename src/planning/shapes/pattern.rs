@@ -65,7 +65,7 @@ impl Pattern {
             Self::Circle { center_m, radius_m, start_rad, clockwise } => {
                 let way_rad = if *clockwise { -TAU } else { TAU };
                 let place = |i: usize| {
-                    let (sin, cos) = (start_rad + way_rad * i as f64 / count as f64).sin_cos();
+                    let (sin, cos) = libm::sincos(start_rad + way_rad * i as f64 / count as f64);
                     center_m + Vec2::new(cos, sin) * *radius_m
                 };
                 Some((0..count).map(place).collect())

@@ -64,7 +64,7 @@ impl RigidRotation {
             dot += from.dot(&to);
             cross += from.perp(&to);
         }
-        let angle_rad = if dot == 0.0 && cross == 0.0 { 0.0 } else { cross.atan2(dot) };
+        let angle_rad = if dot == 0.0 && cross == 0.0 { 0.0 } else { libm::atan2(cross, dot) };
         Self { center_m, shift_m: end_m - center_m, angle_rad }
     }
 
@@ -75,7 +75,7 @@ impl RigidRotation {
 
     /// Image of `p` after a fraction `share` of the motion.
     pub(super) fn carry(&self, p: Vec2, share: f64) -> Vec2 {
-        let (sin, cos) = (self.angle_rad * share).sin_cos();
+        let (sin, cos) = libm::sincos(self.angle_rad * share);
         let arm = p - self.center_m;
         self.center_m + self.shift_m * share + Vec2::new(cos * arm.x - sin * arm.y, sin * arm.x + cos * arm.y)
     }
@@ -89,7 +89,7 @@ impl RigidRotation {
 
     /// Preimage of `p` under the whole motion.
     pub(super) fn undo(&self, p: Vec2) -> Vec2 {
-        let (sin, cos) = self.angle_rad.sin_cos();
+        let (sin, cos) = libm::sincos(self.angle_rad);
         let arm = p - self.center_m - self.shift_m;
         self.center_m + Vec2::new(cos * arm.x + sin * arm.y, cos * arm.y - sin * arm.x)
     }
@@ -270,7 +270,7 @@ fn drawn_out(places_m: &[Vec2]) -> impl Iterator<Item = Vec<Vec2>> {
     let center_m = places_m.iter().sum::<Vec2>() / places_m.len().max(1) as f64;
     let ways = (0..DIRECTIONS).flat_map(|k| SHEARS.map(|shear| (PI * k as f64 / DIRECTIONS as f64, shear)));
     ways.map(move |(angle_rad, shear)| {
-        let along = Vec2::new(angle_rad.cos(), angle_rad.sin());
+        let along = Vec2::new(libm::cos(angle_rad), libm::sin(angle_rad));
         places_m.iter().map(|p| p + along * (shear * along.perp(&(p - center_m)))).collect()
     })
 }

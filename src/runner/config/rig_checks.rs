@@ -132,7 +132,7 @@ fn check_accelerometers(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
     for (i, found) in [x, y].into_iter().enumerate() {
         faults.require(found.abs() <= half, place.index(i), found, format!("from -{half} to {half} (on the plate)"));
     }
-    let (arm, least) = (x.hypot(y), 0.2 * half);
+    let (arm, least) = (libm::hypot(x, y), 0.2 * half);
     let allowed = format!("{least} mm or more from the centre (spin is read from the arm between the two)");
     faults.require(arm >= least, &place, format!("{arm:.3} mm from the centre"), allowed);
     let allowed = format!("{least} mm or more off both axes (on one the gains of x and y cannot be told apart)");

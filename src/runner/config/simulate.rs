@@ -173,7 +173,7 @@ impl PulseEntry {
         let pump = match (*cor_mm, *omega_rad_s, *direction_deg, *speed_mps, harmonics) {
             (Some(cor_mm), Some(omega_radps), None, None, None) => Twist::about(point_m(cor_mm), omega_radps),
             (None, None, Some(direction_deg), Some(speed_mps), None) => {
-                let (sin, cos) = direction_deg.to_radians().sin_cos();
+                let (sin, cos) = libm::sincos(direction_deg.to_radians());
                 Twist::new(speed_mps * cos, speed_mps * sin, 0.0)
             }
             (None, None, None, None, Some(harmonics)) => {

@@ -138,7 +138,7 @@ const DEVIATIONS: f64 = 3.0;
 
 /// Three standard deviations of a part's measured place under `camera` and its scatter along one axis, m.
 pub(crate) fn accuracy_m(camera: &CameraParams, scatter_m: f64) -> f64 {
-    DEVIATIONS * (SENSING_PX * camera.position_m.z / camera.focal_px).hypot(scatter_m)
+    DEVIATIONS * libm::hypot(SENSING_PX * camera.position_m.z / camera.focal_px, scatter_m)
 }
 
 /// Narrowest half width of a corridor for `parts` parts, m: a part's own sway, plus three standard deviations of

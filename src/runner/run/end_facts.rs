@@ -123,7 +123,7 @@ fn all_taken(places: &[(usize, [f64; 2])], parts: &[(usize, [f64; 2])], within_m
     }
     let missed = |(place, part): (usize, usize)| {
         let ((kind, [x, y]), (of, [at_x, at_y])) = (places[place], parts[part]);
-        i64::from(kind != of || (at_x - x).hypot(at_y - y) > within_mm)
+        i64::from(kind != of || libm::hypot(at_x - x, at_y - y) > within_mm)
     };
     kuhn_munkres_min(&Matrix::from_fn(places.len(), parts.len(), missed)).0 == 0
 }

@@ -83,11 +83,11 @@ impl DiscOutline {
     /// The tiles within reach of the projections of polygons around foot and top.
     fn tiles_touched(&self, view: &CameraProjection, grid: &TileGrid, blur: &Blur) -> TileBox {
         const CORNERS: u32 = 16;
-        let circumradius_m = self.shape.radius_m / (std::f64::consts::PI / f64::from(CORNERS)).cos();
+        let circumradius_m = self.shape.radius_m / libm::cos(std::f64::consts::PI / f64::from(CORNERS));
         let (mut low, mut high) = (Vec2::repeat(f64::INFINITY), Vec2::repeat(f64::NEG_INFINITY));
         for sub_exposure in &self.shown {
             for k in 0..CORNERS {
-                let (sin, cos) = (f64::from(k) * std::f64::consts::TAU / f64::from(CORNERS)).sin_cos();
+                let (sin, cos) = libm::sincos(f64::from(k) * std::f64::consts::TAU / f64::from(CORNERS));
                 let p_m = sub_exposure.pose.position_m + circumradius_m * Vec2::new(cos, sin);
                 for height_m in [0.0, self.shape.thickness_m] {
                     let p_px = view.image_from_table(p_m, height_m);

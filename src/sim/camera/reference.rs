@@ -63,7 +63,7 @@ fn footprint(blur_px: f64) -> Vec<f64> {
     let weight = |k: usize| {
         let inside = |j: u32| {
             let shift = (f64::from(j) + 0.5) / 64.0 - 0.5;
-            (-0.5 * ((offset(k, 0.5) - shift) / blur_px).powi(2)).exp()
+            libm::exp(-0.5 * ((offset(k, 0.5) - shift) / blur_px).powi(2))
         };
         (0..64).map(inside).sum::<f64>()
     };

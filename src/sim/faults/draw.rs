@@ -63,7 +63,7 @@ impl Draw {
     }
 
     fn log_uniform(&mut self, [least, most]: [f64; 2]) -> f64 {
-        least * (most / least).powf(self.share())
+        least * libm::pow(most / least, self.share())
     }
 
     /// Value in `range` with a random sign.

@@ -168,7 +168,7 @@ impl<'a> Faulty<'a> {
                 picture::light(frame, value.max(0.0))
             }
             (_, FaultKind::Flicker) => {
-                picture::light(frame, 1.0 + FLICKER * (TAU * value * (at - fault.from)).sin());
+                picture::light(frame, 1.0 + FLICKER * libm::sin(TAU * value * (at - fault.from)));
             }
             (_, FaultKind::Dark) => picture::darken(frame, &mut self.noise),
             (FaultyComponent::Camera, FaultKind::Garbage) => picture::garble(frame, &mut self.noise),
@@ -310,7 +310,7 @@ fn plant_faults<'f>(held: impl Iterator<Item = &'f FaultSpec>, parts: usize) -> 
             }
             FaultyComponent::Camera if fault.kind == FaultKind::Exposure => plant.exposure = value,
             FaultyComponent::Plate => match fault.kind {
-                FaultKind::Tilt => plant.pull_mps2.x += GRAVITY_MPS2 * value.to_radians().sin(),
+                FaultKind::Tilt => plant.pull_mps2.x += GRAVITY_MPS2 * libm::sin(value.to_radians()),
                 FaultKind::Resonance => plant.resonance = value,
                 FaultKind::Oil => {
                     let radius_m = m_from_mm(fault.values[2]);

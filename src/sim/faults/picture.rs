@@ -56,7 +56,7 @@ pub(super) fn knock(frame: &mut Frame, shift_px: Vec2, turn_rad: f64) {
     if width < 2 || height < 2 {
         return;
     }
-    let (sin, cos) = turn_rad.sin_cos();
+    let (sin, cos) = libm::sincos(turn_rad);
     let middle = Vec2::new(width as f64 - 1.0, height as f64 - 1.0) * 0.5;
     if let Some(positions) = &mut frame.positions {
         let turned = |from: Vec2| Vec2::new(cos * from.x - sin * from.y, cos * from.y + sin * from.x);

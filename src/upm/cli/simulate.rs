@@ -29,7 +29,7 @@ fn print_table(spec: &SimulateSpec, result: &OpenLoopTrajectories) -> Result<(),
         let ends = |values: &[f64]| [values.first(), values.last()].map(|v| v.copied().unwrap_or_default());
         let (x, y, theta) = (ends(&part.x_m).map(mm_from_m), ends(&part.y_m).map(mm_from_m), ends(&part.theta_rad));
         let [from, to] = [0, 1].map(|end| format!("{:9.3},{:9.3}", x[end], y[end]));
-        let (moved, turned_deg) = ((x[1] - x[0]).hypot(y[1] - y[0]), (theta[1] - theta[0]).to_degrees());
+        let (moved, turned_deg) = (libm::hypot(x[1] - x[0], y[1] - y[0]), (theta[1] - theta[0]).to_degrees());
         outln!("  {:12} {from} {to} {moved:9.3} {turned_deg:9.2}", placed.id)?;
     }
     Ok(())

@@ -98,7 +98,7 @@ fn measured_mps2(trace: &AccelTrace, channel: usize, i: usize) -> f64 {
 fn fitted_mps2(fit: &PlateFit, channel: usize, t_s: f64) -> f64 {
     let motion = fit.motion();
     let harmonic = |(k, [c, s]): (u32, &[f64; 2])| {
-        let (sin, cos) = (f64::from(k) * motion.wave.base_radps * t_s).sin_cos();
+        let (sin, cos) = libm::sincos(f64::from(k) * motion.wave.base_radps * t_s);
         c * cos + s * sin
     };
     (1..).zip(&motion.accel_mps2[channel]).map(harmonic).sum()

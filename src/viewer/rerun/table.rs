@@ -155,7 +155,7 @@ impl TableView {
                 MotionRecord::About { counter_clockwise: true, .. } => "ccw".to_owned(),
                 MotionRecord::About { .. } => "cw".to_owned(),
                 MotionRecord::Along { direction } => {
-                    format!("towards {:.0}°", direction.y.atan2(direction.x).to_degrees())
+                    format!("towards {:.0}°", libm::atan2(direction.y, direction.x).to_degrees())
                 }
             };
             let label = format!("{}: {:.1} mm {how}", j + 1, mm_from_m(pulse.distance_m.abs()));

@@ -66,8 +66,8 @@ pub(in super::super) fn outline(shift: Vec2, growth: f64) -> (Vec2, f64) {
     if size <= growth {
         return (shift, growth);
     }
-    let angle = (-growth / size).acos();
-    let (sin, cos) = angle.sin_cos();
+    let angle = libm::acos(-growth / size);
+    let (sin, cos) = libm::sincos(angle);
     let first = (2.0 * growth * sin + size * (angle + sin * cos)) / std::f64::consts::PI;
     (shift / size * first, (growth * angle + size * sin) / std::f64::consts::PI)
 }

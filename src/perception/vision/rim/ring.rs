@@ -47,7 +47,7 @@ pub(in super::super) struct RimCircle {
 
 /// Unit vector of ray `k`.
 pub(in super::super) fn direction(k: usize) -> Vec2 {
-    let (sin, cos) = ((k as f64 + 0.5) / RAYS as f64 * std::f64::consts::TAU).sin_cos();
+    let (sin, cos) = libm::sincos((k as f64 + 0.5) / RAYS as f64 * std::f64::consts::TAU);
     Vec2::new(cos, sin)
 }
 

@@ -58,7 +58,7 @@ impl Votes {
         for edge in &self.edges {
             for side in [1.0, -1.0] {
                 let step = edge.outward * side;
-                let turn = step.y.atan2(step.x) / std::f64::consts::TAU + 1.0;
+                let turn = libm::atan2(step.y, step.x) / std::f64::consts::TAU + 1.0;
                 let sector = (turn * SECTORS as f64).round() as usize % SECTORS;
                 let mut at = edge.at_px + step * least;
                 for _ in 0..(largest - least) as usize {

@@ -94,7 +94,7 @@ fn parts_that_brush_past_each_other_keep_their_names() {
         let gap = PENNY_M * 1e3 + 0.02;
         // Two lanes that touch, a part at rest between two passing ones, and one on a circle.
         let places = |k: f64| {
-            let (sin, cos) = (0.1 * speed[0] * k).sin_cos();
+            let (sin, cos) = libm::sincos(0.1 * speed[0] * k);
             vec![
                 mm(-50.0 + speed[0] * k, gap - 60.0),
                 mm(50.0 - speed[1] * k, -gap - 60.0),
@@ -234,7 +234,7 @@ fn consistency(seeds: std::ops::Range<u64>, cover: impl Fn(usize, Vec2) -> Optio
 fn covariances_are_as_large_as_the_errors() {
     let (open, round) = consistency(0..20, |_, _| None);
     let (hidden, long) = consistency(20..40, |i, at| {
-        let (sin, cos) = (f64::from(i as u32) * 0.7).sin_cos();
+        let (sin, cos) = libm::sincos(f64::from(i as u32) * 0.7);
         let shape = ClutterOutline::rectangle(
             at + Vec2::new(cos, sin) * (1.3 * PENNY_M),
             [PENNY_M, 1.5 * PENNY_M],

@@ -90,7 +90,7 @@ impl HarmonicBasis {
         let phase = |q: usize| TAU * q as f64 / samples as f64;
         let row = |q: usize| {
             (1..=harmonics).map(move |k| {
-                let (sin, cos) = (k as f64 * phase(q)).sin_cos();
+                let (sin, cos) = libm::sincos(k as f64 * phase(q));
                 [cos, sin]
             })
         };

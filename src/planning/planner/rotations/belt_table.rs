@@ -53,12 +53,12 @@ impl BeltTable {
         let slowest_mps = SLOWEST * friction * GRAVITY_MPS2 / library.base_radps;
         let fastest_mps = library.entries.iter().map(fastest).fold(2.0 * slowest_mps, f64::max) * 1.2;
         let most_spin = library.entries.iter().map(|entry| entry.pump.spin_radps.abs()).fold(1e-6, f64::max);
-        let (first_ln, step_ln) = (slowest_mps.ln(), (fastest_mps / slowest_mps).ln() / (SPEEDS - 1) as f64);
+        let (first_ln, step_ln) = (libm::log(slowest_mps), libm::log(fastest_mps / slowest_mps) / (SPEEDS - 1) as f64);
         let spin_radps = SPINS.map(|part| part * most_spin);
         let sustain_step_s = pump.sustain_step_s();
         let sustains = (longest_s / sustain_step_s).ceil() as usize + 1;
         let discs = |i: usize| {
-            let speed_mps = [(first_ln + step_ln * i as f64).exp(); LANES];
+            let speed_mps = [libm::exp(first_ln + step_ln * i as f64); LANES];
             Discs { speed_mps, spin_radps, friction: [friction; LANES], radius_m: RADIUS_M }
         };
         let sets: Vec<Discs> = (0..SPEEDS).map(discs).collect();
@@ -79,7 +79,7 @@ impl BeltTable {
             let (measured, computed) = compared.fold((0.0, 0.0), |(measured, computed), (measured_m, computed_m)| {
                 (measured + measured_m, computed + computed_m)
             });
-            (computed > 0.0).then(|| (speed_mps.ln(), (measured / computed).clamp(CORRECTION.0, CORRECTION.1)))
+            (computed > 0.0).then(|| (libm::log(speed_mps), (measured / computed).clamp(CORRECTION.0, CORRECTION.1)))
         };
         let (speeds_ln, factors): (Vec<f64>, Vec<f64>) = model.speed_mps.iter().filter_map(factor).unzip();
         for i in 0..SPEEDS {
@@ -96,7 +96,7 @@ impl BeltTable {
 
     /// The slowest belt in the table, m/s.
     pub fn slowest_mps(&self) -> f64 {
-        self.first_ln.exp()
+        libm::exp(self.first_ln)
     }
 
     /// The table at this spin (its sign has no effect) and this sustain.
@@ -125,9 +125,9 @@ impl BeltSlice {
     /// Displacement on a belt of this speed; below the table it falls linearly to zero.
     #[inline]
     pub fn at(&self, speed_mps: f64) -> Travel {
-        let place = (speed_mps.max(1e-9).ln() - self.first_ln) * self.per_ln;
+        let place = (libm::log(speed_mps.max(1e-9)) - self.first_ln) * self.per_ln;
         if place <= 0.0 {
-            let share = (place / self.per_ln).exp();
+            let share = libm::exp(place / self.per_ln);
             let first = self.travels[0];
             return Travel { along_m: share * first.along_m, across_m: share * first.across_m, ..first };
         }

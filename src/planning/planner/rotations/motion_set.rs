@@ -181,8 +181,10 @@ fn typical_mps(twist: &Twist, half_side_m: f64) -> f64 {
 /// Settings from the weakest belt that moves anything without sustain, over full amplitude, to the longest sustain.
 fn settings(table: &BeltTable, twist: &Twist, typical_mps: f64) -> Vec<(f64, DialSetting)> {
     let weakest = (table.slowest_mps() / typical_mps).min(0.9);
-    let weaker = (0..AMPLITUDES)
-        .map(|k| DialSetting { amplitude: weakest.powf(1.0 - k as f64 / (AMPLITUDES - 1) as f64), sustain_s: 0.0 });
+    let weaker = (0..AMPLITUDES).map(|k| DialSetting {
+        amplitude: libm::pow(weakest, 1.0 - k as f64 / (AMPLITUDES - 1) as f64),
+        sustain_s: 0.0,
+    });
     let longer = (1..=(table.sustains - 1) / 2)
         .map(|k| DialSetting { amplitude: 1.0, sustain_s: 2.0 * k as f64 * table.sustain_step_s });
     let distance_m = |setting: DialSetting| {

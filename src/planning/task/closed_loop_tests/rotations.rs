@@ -103,7 +103,7 @@ proptest! {
     fn rigid_motions_are_found_again(x in -0.1..0.1f64, y in -0.1..0.1f64, angle in -3.1..3.1f64, seed in 0u64..1000) {
         let mut rng = Streams::new(seed).stream("scene");
         let from_m = scattered(&[PENNY_M; 5], 0.003, 0.005, &mut rng);
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = libm::sincos(angle);
         let moved = |p: &Vec2| Vec2::new(cos * p.x - sin * p.y + x, sin * p.x + cos * p.y + y);
         let to_m: Vec<Vec2> = from_m.iter().map(moved).collect();
         let turn = RigidRotation::between(&from_m, &to_m);

@@ -110,7 +110,7 @@ pub(super) fn shown(position_m: Vec2) -> String {
 
 /// Direction modulo its opposite, whole degrees, 0 to 179.
 pub(super) fn degrees(direction: Vec2) -> f64 {
-    direction.y.atan2(direction.x).to_degrees().round().rem_euclid(180.0)
+    libm::atan2(direction.y, direction.x).to_degrees().round().rem_euclid(180.0)
 }
 
 /// Extent of the picture of a coverage, in half sides of the plate from its middle.

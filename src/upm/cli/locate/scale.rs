@@ -128,7 +128,7 @@ impl Sizes<'_> {
     pub(super) fn of_part(&self, disc: &DetectedDisc, kind: &PartKind) -> f64 {
         let mut factor = kind.radius_m / disc.radius_m;
         for _ in 0..4 {
-            factor = kind.radius_m * self.swelling(disc, kind, factor).exp() / disc.radius_m;
+            factor = kind.radius_m * libm::exp(self.swelling(disc, kind, factor)) / disc.radius_m;
         }
         factor
     }
@@ -137,7 +137,7 @@ impl Sizes<'_> {
     fn swelling(&self, disc: &DetectedDisc, kind: &PartKind, factor: f64) -> f64 {
         let [radius_m, thickness_m] = [kind.radius_m, kind.thickness_m].map(|length| length / factor);
         let kind = PartKind { name: String::new(), radius_m, thickness_m };
-        (seen_outline_m(self.table, disc.at_m, &kind).1 / radius_m).ln()
+        libm::log(seen_outline_m(self.table, disc.at_m, &kind).1 / radius_m)
     }
 
     /// The scale near `factor`, fitted again and again to the discs that have the size of a kind: logarithms of their
@@ -151,7 +151,7 @@ impl Sizes<'_> {
             for disc in discs {
                 let off = |kind: &PartKind| {
                     let swelling = self.swelling(disc, kind, fit.factor);
-                    [(fit.factor * disc.radius_m / kind.radius_m).ln(), swelling]
+                    [libm::log(fit.factor * disc.radius_m / kind.radius_m), swelling]
                 };
                 let residual = |[size, swelling]: [f64; 2]| size - swelling / fit.focal;
                 let all = self.kinds.iter().map(off).enumerate();
@@ -173,7 +173,7 @@ impl Sizes<'_> {
             let gain = if may_refocus { (xy - x_mean * y + prior) / (xx - x_mean * x + prior) } else { 1.0 };
             let gain = gain.clamp(0.2, 3.0);
             fit.off = (squares / n).sqrt();
-            fit.factor *= (gain * x_mean - y_mean).exp();
+            fit.factor *= libm::exp(gain * x_mean - y_mean);
             fit.focal = 1.0 / gain;
         }
         fit.kinds = (0..counts.len()).filter(|&kind| counts[kind] > 0).collect();

@@ -123,7 +123,8 @@ fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) ->
 fn in_turn(corners: [Vec2; 4]) -> [Vec2; 4] {
     let middle = corners.iter().sum::<Vec2>() / 4.0;
     let mut corners = corners;
-    corners.sort_by(|a, b| (a - middle).y.atan2((a - middle).x).total_cmp(&(b - middle).y.atan2((b - middle).x)));
+    let angle = |corner: &Vec2| libm::atan2((corner - middle).y, (corner - middle).x);
+    corners.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
     corners
 }
 
