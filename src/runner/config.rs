@@ -43,7 +43,7 @@ mod trace;
 mod view;
 
 pub use clearance::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
-pub use coins::coin_set;
+pub use coins::{coin_set, load_coins};
 pub use daemon::{DaemonSpec, PlateSpec, StandingSpec};
 pub use daemon_file::{KeepSpec, WatchdogSpec};
 pub(crate) use faults::fault_entry;

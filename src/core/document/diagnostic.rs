@@ -16,7 +16,7 @@ const LONGEST_SHOWN: usize = 60;
 
 /// A fault in a file. Displays as one line: `configs/x.json: parts[1].kind: expected one of penny, nickel, dime,
 /// quarter (did you mean penny?), found "pennyy"`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "ProblemFault")]
 pub struct Diagnostic {
     /// The file as the user named it; on the network it is the request.
@@ -67,15 +67,7 @@ impl Diagnostic {
     /// A fault of class [`DiagnosticClass::Value`].
     pub fn new(file: &str, path: impl fmt::Display, found: impl fmt::Display, expected: impl Into<String>) -> Self {
         let (file, path, found) = (file.into(), path.to_string(), found.to_string());
-        Self {
-            file,
-            path,
-            found,
-            expected: expected.into(),
-            position: None,
-            class: DiagnosticClass::Value,
-            named_by: None,
-        }
+        Self { file, path, found, expected: expected.into(), ..Self::default() }
     }
 
     /// The same fault in the file `file`.

@@ -15,11 +15,14 @@ pub enum Document {
     Trace,
     /// The daemon's configuration.
     Daemon,
+    /// Kinds of coins, for `upm locate`.
+    Coins,
 }
 
 impl Document {
     /// All kinds, in the order in which [`Document::of`] tests for them.
-    pub const ALL: [Self; 6] = [Self::Library, Self::Experiment, Self::Trace, Self::Daemon, Self::Rig, Self::Job];
+    pub const ALL: [Self; 7] =
+        [Self::Library, Self::Experiment, Self::Trace, Self::Daemon, Self::Rig, Self::Job, Self::Coins];
 
     /// The kind of `value`, judged by its keys.
     pub fn of(value: &Value) -> Option<Self> {
@@ -56,6 +59,7 @@ impl Document {
             Self::Experiment => ["an experiment", "upm simulate", "pulses"],
             Self::Trace => ["a trace", "upm-lab waveform-fit --trace", "counts"],
             Self::Daemon => ["a daemon's configuration", "upm serve --config", "plates"],
+            Self::Coins => ["a set of coins", "upm locate --coins", "coins"],
         }
     }
 }

@@ -49,7 +49,7 @@ impl<'de> Visitor<'de> for Walk<'_> {
             }
             let value = members.next_value_seed(Walk { at, faults: self.faults })?;
             // a document may name its schema, for editors; nothing else reads that
-            if key != "$schema" {
+            if key != "$schema" || !value.is_string() {
                 object.insert(key, value);
             }
         }
@@ -77,10 +77,10 @@ impl<'de> Visitor<'de> for Walk<'_> {
     }
 
     fn visit_f64<E: Error>(self, value: f64) -> Result<Value, E> {
-        // whole numbers beyond it are not exact
-        const EXACT: f64 = (1_u64 << 53) as f64;
-        let whole = (value.fract() == 0.0 && value.abs() <= EXACT).then_some(value as i64);
-        Ok(whole.filter(|whole| *whole != 0 || value.is_sign_positive()).map_or_else(|| value.into(), Value::from))
+        let whole = if value < 0.0 { Value::from(value as i64) } else { Value::from(value as u64) };
+        // 2⁶⁴ is beyond, and -0 keeps its sign
+        let fits = value < u64::MAX as f64 && (value != 0.0 || value.is_sign_positive());
+        Ok(if fits && whole.as_f64() == Some(value) { whole } else { value.into() })
     }
 
     fn visit_str<E: Error>(self, value: &str) -> Result<Value, E> {
@@ -115,5 +115,14 @@ mod tests {
     fn whole_numbers_are_integers_however_they_are_written() {
         let read = |text: &str| value_of(text, &mut Diagnostics::of("f")).unwrap().to_string();
         assert_eq!(read("\u{feff}[2.0, 2e3, -4.00, 2.5, -0.0, 1e300]"), "[2,2000,-4,2.5,-0.0,1e+300]");
+        let large = "[18446744073709549568.0, 1e19, 18446744073709551616, -9223372036854775808.0, -1e19]";
+        let whole = "[18446744073709549568,10000000000000000000,1.8446744073709552e+19,-9223372036854775808,-1e+19]";
+        assert_eq!(read(large), whole);
+    }
+
+    #[test]
+    fn the_name_of_a_schema_is_a_text() {
+        let read = |text: &str| value_of(text, &mut Diagnostics::of("f")).unwrap().to_string();
+        assert_eq!(read(r#"{"$schema": "s.json", "a": {"$schema": 1}}"#), r#"{"a":{"$schema":1}}"#);
     }
 }

@@ -41,7 +41,7 @@ fn close(schema: &mut Value) {
     }
 }
 
-/// The text of the file at `path`.
+/// The text of the file at `path`, without its byte order mark.
 ///
 /// # Errors
 /// The only fault of a file that cannot be read, is larger than [`MOST_BYTES`] or is not UTF-8.
@@ -52,10 +52,11 @@ pub fn text_of(path: &FilePath) -> Result<String, Vec<Diagnostic>> {
     if bytes.len() as u64 > MOST_BYTES {
         return Err(fault("a larger file".to_owned(), "up to 1 MiB (1048576 bytes)"));
     }
-    String::from_utf8(bytes).map_err(|error| {
+    let text = String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
         fault(format!("a byte that is not UTF-8 at offset {valid}"), "UTF-8 text")
-    })
+    })?;
+    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
 /// The fault of an unreadable file, with the file in the same folder that was probably meant.

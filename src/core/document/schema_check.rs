@@ -118,11 +118,8 @@ impl<'a> Walker<'a> {
     }
 
     /// The values that fit `schema`, in words.
-    fn allowed(&self, schema: &Value) -> String {
-        let schema = match schema.get("$ref") {
-            Some(Value::String(path)) => self.root.pointer(path.trim_start_matches('#')).unwrap_or(schema),
-            _ => schema,
-        };
+    fn allowed(&self, schema: &'a Value) -> String {
+        let schema = self.resolve(schema);
         let words = words(schema);
         if !words.is_empty() {
             return listed(&words);
@@ -139,7 +136,7 @@ impl<'a> Walker<'a> {
         names.join(" or ")
     }
 
-    fn described(&self, name: &str, schema: &Value) -> String {
+    fn described(&self, name: &str, schema: &'a Value) -> String {
         let title = schema.get("title").and_then(Value::as_str);
         match name {
             "integer" if schema.get("enum").is_some() => {
@@ -225,7 +222,8 @@ fn has_length(length: usize, schema: &Value, min: &str, max: &str) -> bool {
 fn range(schema: &Value) -> String {
     let limit = |key| schema.get(key).and_then(Value::as_f64);
     let low = limit("minimum").map(|x| format!("from {x}")).or(limit("exclusiveMinimum").map(|x| format!("above {x}")));
-    let high = limit("maximum").map(|x| format!("to {x}"));
+    let most = |x: f64| if x < u64::MAX as f64 { format!("to {x}") } else { "in 64 bits".to_owned() };
+    let high = limit("maximum").map(most);
     let comma = if schema.get("minimum").is_none() && low.is_some() { ", up" } else { "" };
     match (low, high) {
         (Some(low), Some(high)) => format!(" {low}{comma} {high}"),

@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Complex, Matrix3};
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
 use upm_core::geometry::{Twist, Vec2};
@@ -21,14 +21,18 @@ const MOST_SHAPE: f64 = 1e3;
 const MOST_SPEED_MM_S: f64 = 1e5;
 const MOST_SPIN_RAD_S: f64 = 1e4;
 const MOST_DISTANCE_MM: f64 = 1e3;
+/// Fewest entries with which a part can be steered.
+const MIN_ENTRIES: usize = 3;
 /// Range of the count limit of a waveform generator.
 const LIMIT_COUNTS: (f64, f64) = (1.0, 1e6);
 /// Largest speed (mm/s) or spin (rad/s) of one count.
 const MOST_RESPONSE: f64 = 1e5;
 /// Natural frequencies of a plate on springs, Hz; the drive's base frequency must be higher and is at most 10 kHz.
-pub(super) const NATURAL_HZ: (f64, f64) = (0.1, 10_000.0);
+const NATURAL_HZ: (f64, f64) = (0.1, 10_000.0);
+/// Names of the axes of a plate in files.
+pub(super) const AXES: [&str; 3] = ["x", "y", "spin"];
 /// Damping ratios from undamped to far beyond critical.
-pub(super) const DAMPING_RATIO: (f64, f64) = (0.0, 10.0);
+const DAMPING_RATIO: (f64, f64) = (0.0, 10.0);
 
 /// One motion of the rig.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,6 +93,7 @@ pub struct DisplacementModel {
 #[schemars(title = "library")]
 pub struct Library {
     /// Name of the rig it was measured on.
+    #[schemars(length(min = 1, max = 64))]
     pub rig: String,
     /// Fingerprint of that rig's file.
     pub fingerprint: String,
@@ -122,7 +127,7 @@ pub struct Library {
     pub shapes: [AxisShape; 3],
     /// All motions, in a fixed order.
     #[serde(with = "entries")]
-    #[schemars(with = "Vec<EntryForm>")]
+    #[schemars(with = "Vec<EntryForm>", length(min = MIN_ENTRIES))]
     pub entries: Vec<Entry>,
     /// Measured distances of parts.
     pub displacement: DisplacementModel,
@@ -140,11 +145,11 @@ pub struct Library {
 pub struct PlateResponse {
     /// Undamped natural frequencies `sqrt(k/m)`, 0.1 Hz to 10 kHz.
     #[serde(rename = "natural_hz", with = "axes_hz")]
-    #[schemars(with = "PerAxis")]
+    #[schemars(with = "PerAxis", transform = limit_axes(NATURAL_HZ))]
     pub natural_radps: [f64; 3],
     /// Damping ratios `b / (2 sqrt(k m))`, 0 to 10.
     #[serde(with = "axes")]
-    #[schemars(with = "PerAxis")]
+    #[schemars(with = "PerAxis", transform = limit_axes(DAMPING_RATIO))]
     pub damping_ratio: [f64; 3],
 }
 
@@ -213,6 +218,7 @@ pub struct EntryForm {
 
 /// One number for each axis of the plate.
 #[derive(Serialize, Deserialize, JsonSchema)]
+#[schemars(inline)]
 pub struct PerAxis {
     /// Along x.
     x: f64,
@@ -220,6 +226,18 @@ pub struct PerAxis {
     y: f64,
     /// About the centre.
     spin: f64,
+}
+
+/// Limits the schema of a [`PerAxis`] on every axis.
+fn limit_axes((low, high): (f64, f64)) -> impl FnMut(&mut Schema) {
+    move |schema| {
+        for axis in AXES {
+            if let Some(number) = schema.pointer_mut(&format!("/properties/{axis}")) {
+                number["minimum"] = low.into();
+                number["maximum"] = high.into();
+            }
+        }
+    }
 }
 
 file_form!(mm: f64 => f64, m_from_mm, |m| rounded(mm_from_m(*m), 6));

@@ -1,14 +1,11 @@
 use std::f64::consts::TAU;
 
-use super::types::{DAMPING_RATIO, NATURAL_HZ};
-use super::{DisplacementModel, FieldResponse, Library, PlateResponse};
+use super::types::AXES;
+use super::{DisplacementModel, FieldResponse, Library};
 use upm_core::document::{Diagnostic, Diagnostics, counted};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::rig::RigModel;
-use upm_core::units::{mm_from_m, written_hertz, written_mm};
-
-/// Fewest entries with which a part can be steered.
-const MIN_ENTRIES: usize = 3;
+use upm_core::units::{mm_from_m, written_mm};
 
 /// Least spread of the flows at the centre: directions more than about 6 degrees apart count as two.
 const MIN_SPREAD: f64 = 0.01;
@@ -31,7 +28,6 @@ impl Library {
             let path = format!("fields.twist_from_counts[{k}]");
             faults.require(matrix.try_inverse().is_some(), path, "a singular matrix", allowed);
         }
-        self.plate.iter().for_each(|plate| check_plate(plate, &mut faults));
         let at_center = self.entries.iter().map(|entry| entry.pump.direction_at(Vec2::zeros()));
         if faults.is_empty() && flow_eigenvalues(at_center)[1] < MIN_SPREAD {
             faults.push("entries", "parts at the centre flow in one direction only", "flows in two directions");
@@ -115,10 +111,7 @@ pub(crate) fn flow_eigenvalues(flows: impl Iterator<Item = Vec2>) -> [f64; 2] {
     [middle + spread, middle - spread]
 }
 
-const AXES: [&str; 3] = ["x", "y", "spin"];
-
 fn check_head(library: &Library, faults: &mut Diagnostics) {
-    faults.require(!library.rig.is_empty(), "rig", "\"\"", "the name of a rig");
     for (name, shape) in AXES.iter().zip(&library.shapes) {
         let moves = shape.0.iter().any(|harmonic| harmonic.cos != 0.0 || harmonic.sin != 0.0);
         faults.require(moves, format!("shapes.{name}"), "zeros", "a waveform that moves the plate");
@@ -126,12 +119,6 @@ fn check_head(library: &Library, faults: &mut Diagnostics) {
 }
 
 fn check_entries(Library { entries, motor_arrangement: arrangement, .. }: &Library, faults: &mut Diagnostics) {
-    faults.require(
-        entries.len() >= MIN_ENTRIES,
-        "entries",
-        counted(entries.len(), "motion"),
-        format!("at least {MIN_ENTRIES}"),
-    );
     for (i, entry) in entries.iter().enumerate() {
         // by Eq. 7 four equal amplitudes around the plate only squeeze it: no net force, no torque
         let around = arrangement.turned(entry.amplitudes);
@@ -158,18 +145,6 @@ fn check_displacement(model: &DisplacementModel, faults: &mut Diagnostics) {
             let allowed = format!("{columns}, one for each sustain");
             let found = counted(row.len(), "number");
             faults.require(row.len() == columns, format!("{path}[{i}]"), found, allowed);
-        }
-    }
-}
-
-fn check_plate(plate: &PlateResponse, faults: &mut Diagnostics) {
-    let natural_hz = plate.natural_radps.map(written_hertz);
-    for (key, axes, (low, high)) in
-        [("natural_hz", natural_hz, NATURAL_HZ), ("damping_ratio", plate.damping_ratio, DAMPING_RATIO)]
-    {
-        for (axis, value) in AXES.iter().zip(axes) {
-            let allowed = format!("a number from {low} to {high}");
-            faults.require((low..=high).contains(&value), format!("plate.{key}.{axis}"), value, allowed);
         }
     }
 }

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use upm_core::job::Pace;
 
+use super::read::NAME_PATTERN;
 use super::rig_file::RigSource;
 use upm_core::units::{file_form, whole};
 
@@ -84,7 +85,7 @@ fn data() -> String {
 #[derive(Deserialize, JsonSchema)]
 pub(crate) struct PlateEntry {
     /// Its name, by which jobs ask for it: letters, digits, `.`, `_` and `-`.
-    #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
+    #[schemars(length(min = 1, max = 64), extend("pattern" = NAME_PATTERN))]
     pub(crate) name: String,
     /// The rig: a path relative to this file, or the object itself.
     pub(crate) rig: RigSource,

@@ -33,6 +33,7 @@ pub(crate) enum FaultList {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct DrawnFaults {
     /// Determines the faults, together with the number of parts.
+    #[schemars(range(max = u64::MAX))]
     pub(crate) seed: u64,
 }
 

@@ -7,20 +7,23 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::faults::FaultList;
+use super::read::NAME_PATTERN;
 use super::rig_file::RigSource;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
 use upm_core::job::Bin;
 use upm_core::units::{thousandths, whole};
+use upm_planning::cor_library::Library;
 
 /// A job: which rig, which parts, and what to do with them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "job")]
 pub struct JobFile {
     /// Name of the job and of its run folder: 1 to 64 letters, digits, `.`, `_` and `-`.
-    #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
+    #[schemars(length(min = 1, max = 64), extend("pattern" = NAME_PATTERN))]
     pub(crate) name: String,
     /// Seed of everything random.
     #[serde(default = "whole::<u64, 1>")]
+    #[schemars(range(max = u64::MAX))]
     pub seed: u64,
     /// The rig: a path relative to this file, or the object itself. A job sent to a daemon may leave it out.
     pub rig: Option<RigSource>,
@@ -65,7 +68,7 @@ pub enum LibraryRef {
     File(PathBuf),
     /// The library itself.
     #[schemars(title = "library")]
-    Inline(Map<String, Value>),
+    Inline(#[schemars(with = "Library")] Map<String, Value>),
 }
 
 /// Parts of one kind.

@@ -67,11 +67,9 @@ impl TaskContext<'_> {
 /// are checked.
 fn check_ends(paths: &[PartPath], radii_m: &[f64], in_phase: bool, faults: &mut Diagnostics) {
     let (mut starts, mut ends) = (Vec::with_capacity(paths.len()), Vec::with_capacity(paths.len()));
-    for (path, &radius_m) in paths.iter().zip(radii_m) {
-        let PartPath { growth, params, .. } = path;
-        if growth.is_some() && in_phase {
-            continue;
-        }
+    let checked = paths.iter().zip(radii_m).filter(|(path, _)| path.growth.is_none() || !in_phase);
+    for (path, &radius_m) in checked {
+        let params = &path.params;
         let at = |k: usize| path.corner_at(k);
         starts.extend(params.waypoints_m.first().map(|&start_m| (start_m, radius_m, at(0))));
         let last = params.waypoints_m.iter().enumerate().skip(1).next_back().filter(|_| params.repeat > 0);

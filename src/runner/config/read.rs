@@ -40,6 +40,9 @@ impl Origin {
     }
 }
 
+/// Pattern of names that [`is_plain_name`] accepts; it does not limit their length.
+pub(super) const NAME_PATTERN: &str = "^([.]?[.]?[A-Za-z0-9_-]|[.]{3})[A-Za-z0-9._-]*$";
+
 /// Description of valid names, for messages.
 pub(super) const NAMES: &str = "1 to 64 letters, digits, `.`, `_`, `-`, other than `.` and `..`";
 

@@ -26,24 +26,17 @@ pub(super) fn check(rig: &RigFile, sim: &SimParams, at: &Path, faults: &mut Diag
     faults.require(push_mm != Some([0.0; 2]), at_push, "[0, 0]", "a push along x or y, or no knocks");
     let step_s = rig.simulation.step_s;
     let longest_s = (0.01 / rig.drive.base_hz).min(1.0 / rig.motors.sample_hz).min(1.0 / rig.accelerometers.sample_hz);
-    faults.require(
-        step_s <= longest_s * (1.0 + 1e-9),
-        at.key("simulation").key("step_s"),
-        step_s,
-        format!("up to {longest_s} (a hundredth of the drive's period, one sample of motors and accelerometers)"),
-    );
+    let allowed =
+        format!("up to {longest_s} (a hundredth of the drive's period, one sample of motors and accelerometers)");
+    faults.require(step_s <= longest_s * (1.0 + 1e-9), at.key("simulation").key("step_s"), step_s, allowed);
 }
 
 fn check_plate(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
     let (plate, base_hz) = (&rig.plate, rig.drive.base_hz);
     let at = at.key("plate");
     let (inertia, most) = (plate.inertia_kgm2, 0.5 * plate.mass_kg * plate.side_m * plate.side_m);
-    faults.require(
-        inertia <= most,
-        at.key("inertia_kg_m2"),
-        inertia,
-        format!("up to {most} (all mass in the corners, M L²/2)"),
-    );
+    let allowed = format!("up to {most} (all mass in the corners, M L²/2)");
+    faults.require(inertia <= most, at.key("inertia_kg_m2"), inertia, allowed);
     for (axis, found) in ["x", "y", "spin"].into_iter().zip(plate.resonance_hz) {
         let allowed = format!("below drive.base_hz, {base_hz} (above resonance velocity is the force's integral)");
         faults.require(found < base_hz, at.key("resonance_hz").key(axis), found, allowed);
@@ -67,12 +60,8 @@ fn check_motors(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
         format!("above {} (the second harmonic must pass) and below {top} (half the sample rate)", 2.0 * base_hz),
     );
     check_force(rig, &at, faults);
-    faults.require(
-        motors.newtons_per_count <= motors.force_limit_n,
-        at.key("newtons_per_count"),
-        motors.newtons_per_count,
-        format!("up to force_limit_n, {}", motors.force_limit_n),
-    );
+    let (found, limit_n) = (motors.newtons_per_count, motors.force_limit_n);
+    faults.require(found <= limit_n, at.key("newtons_per_count"), found, format!("up to force_limit_n, {limit_n}"));
 }
 
 /// Reports motors too weak for friction: two coils of an axis at their limit must accelerate the plate enough for a

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::read::NAME_PATTERN;
 use upm_core::rig::FieldDriveModel;
 use upm_core::units::thousandths;
 use upm_sim::{AccelerometerParams, CameraParams, MotorParams, PlateParams};
@@ -14,7 +15,7 @@ use upm_sim::{AccelerometerParams, CameraParams, MotorParams, PlateParams};
 #[schemars(title = "rig")]
 pub struct RigFile {
     /// Name of the rig, for reports and libraries: letters, digits, `.`, `_` and `-`.
-    #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
+    #[schemars(length(min = 1, max = 64), extend("pattern" = NAME_PATTERN))]
     pub name: String,
     /// The moving plate.
     pub plate: PlateParams,
@@ -34,6 +35,7 @@ pub struct RigFile {
     pub friction: FrictionSection,
     /// Kinds of part besides penny, nickel, dime and quarter, by name.
     #[serde(default)]
+    #[schemars(extend("propertyNames" = {"pattern": NAME_PATTERN, "maxLength": 64}))]
     pub(crate) kinds: BTreeMap<String, KindEntry>,
     /// The simulation itself.
     #[serde(default)]

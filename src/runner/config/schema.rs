@@ -1,5 +1,6 @@
 use serde_json::{Value, json};
 
+use super::coins::CoinsFile;
 use super::daemon_file::DaemonFile;
 use super::job_file::JobFile;
 use super::rig_file::RigFile;
@@ -10,7 +11,7 @@ use upm_planning::cor_library::Library;
 
 /// Names that [`schema`] accepts.
 pub fn schema_names() -> &'static [&'static str] {
-    &["job", "rig", "simulate", "library", "trace", "daemon"]
+    &["job", "rig", "simulate", "library", "trace", "daemon", "coins"]
 }
 
 /// The JSON Schema (draft 2020-12) of the file called `name`; `None` for other names.
@@ -22,11 +23,16 @@ pub fn schema(name: &str) -> Option<Value> {
         "library" => schema_of::<Library>(),
         "trace" => schema_of::<RecordedPulse>(),
         "daemon" => schema_of::<DaemonFile>(),
+        "coins" => schema_of::<CoinsFile>(),
         _ => return None,
     }
     .clone();
     let about = "Path or address of this file's schema, for editors. Nothing else reads it.";
-    schema["properties"]["$schema"] = json!({ "description": about, "type": "string" });
+    for file in ["", "/$defs/RigFile", "/$defs/Library"] {
+        if let Some(file) = schema.pointer_mut(file) {
+            file["properties"]["$schema"] = json!({ "description": about, "type": "string" });
+        }
+    }
     Some(schema)
 }
 

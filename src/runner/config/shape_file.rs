@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 
 /// Places for the parts by one rule; exactly one of its keys.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(extend("minProperties" = 1, "maxProperties" = 1))]
 pub(crate) struct TargetRule {
     /// Evenly spaced from one point to another.
     pub(crate) line: Option<LineShape>,

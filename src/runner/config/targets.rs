@@ -47,22 +47,19 @@ impl TaskContext<'_> {
     }
 
     fn made_targets(&self, shape: &TargetRule, at: &Path, faults: &mut Diagnostics) -> Option<Vec<Vec2>> {
-        let TargetRule { line, grid, circle, text, svg } = shape;
         if !exactly_one(shape, &["line", "grid", "circle", "text", "svg"], at, faults) {
             return None;
         }
-        let shape = if let Some(shape) = line {
-            line_of(shape, at.key("line"))
-        } else if let Some(shape) = grid {
-            self.grid(shape, at.key("grid"), faults)?
-        } else if let Some(shape) = circle {
-            circle_of(shape, at.key("circle"))
-        } else if let Some(shape) = text {
-            self.text(shape, at.key("text"), faults)?
-        } else {
-            let at = at.key("svg");
-            let (drawing, growth) = drawing_of(svg.as_ref()?, &at, faults)?;
-            self.drawn(drawing, growth, at, faults)?
+        let shape = match shape {
+            TargetRule { line: Some(shape), .. } => line_of(shape, at.key("line")),
+            TargetRule { grid: Some(shape), .. } => self.grid(shape, at.key("grid"), faults)?,
+            TargetRule { circle: Some(shape), .. } => circle_of(shape, at.key("circle")),
+            TargetRule { text: Some(shape), .. } => self.text(shape, at.key("text"), faults)?,
+            TargetRule { svg, .. } => {
+                let at = at.key("svg");
+                let (drawing, growth) = drawing_of(svg.as_ref()?, &at, faults)?;
+                self.drawn(drawing, growth, at, faults)?
+            }
         };
         self.places_of(&shape, faults)
     }

@@ -1,3 +1,4 @@
+mod agreement;
 mod daemon;
 mod faults;
 mod jobs;

@@ -65,7 +65,7 @@ impl DaemonState {
     /// The plate that a job names. A job that names none goes to the default plate, or, when it brings a rig, to one
     /// with a rig of that name. Text that is not JSON goes to any plate, whose check then reports the faults.
     fn plate_of(&self, text: &str) -> Result<&Arc<PlateHandle>, Problem> {
-        let Ok(job) = serde_json::from_str::<Value>(text) else {
+        let Ok(job) = serde_json::from_str::<Value>(text.trim_start_matches('\u{feff}')) else {
             return self.plates.iter().next().ok_or_else(|| self.unaddressed("nothing"));
         };
         if let Some(name) = job.get("plate").and_then(Value::as_str) {

@@ -66,7 +66,7 @@ pub enum Command {
     /// The daemon: jobs over HTTP, several plates, an operator page
     #[cfg(feature = "daemon")]
     Serve(ServeArgs),
-    /// Validate job, rig, daemon, experiment, library and trace files
+    /// Validate job, rig, daemon, experiment, library, trace and coins files
     Check(CheckArgs),
     /// Print the JSON Schema of a file
     Schema(SchemaArgs),
@@ -302,7 +302,7 @@ fn schemas() -> PossibleValuesParser {
 /// `upm schema`.
 #[derive(Args, Debug)]
 pub struct SchemaArgs {
-    /// job, rig, simulate, library, trace or daemon; of a run folder journal (a line of it) or report
+    /// job, rig, simulate, library, trace, daemon or coins; of a run folder journal (a line of it) or report
     #[arg(value_name = "NAME", value_parser = schemas(), hide_possible_values = true)]
     pub name: String,
 }

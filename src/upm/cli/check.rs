@@ -149,6 +149,7 @@ fn check_file(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Comm
         }
         Some(Document::Daemon) => check_daemon(path)?,
         Some(Document::Rig) => check_rig(path)?,
+        Some(Document::Coins) => format!("coins, {} kinds", config::load_coins(path).map_err(lines)?.len()),
         Some(Document::Job) | None => return check_job(path, rig, is_planned, common),
     };
     Ok(ValidFile::new(says))

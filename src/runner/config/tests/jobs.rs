@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-use super::{job, origin, set, shipped, value_of};
+use super::{job, lines, origin, set, shipped, value_of};
 use crate::config::{JobSpec, LibraryRef, TaskSpec, schema, schema_names};
 
 #[test]
@@ -92,14 +92,17 @@ fn a_job_from_another_folder_keeps_its_library() {
 #[test]
 fn a_run_folder_needs_no_other_file() {
     let spec = JobSpec::load(&shipped("plus-sign.json")).unwrap().with_seed(99);
-    let library = json!({"rig": "upm-1", "entries": []}).as_object().unwrap().clone();
     let mut whole = spec.effective();
-    whole["library"] = library.clone().into();
+    whole["library"] = value_of("../assets/libraries/upm-1.json");
     let again =
         JobSpec::from_json(&whole.to_string(), &super::super::Origin::of_file("run/effective.json".as_ref()), None)
             .unwrap();
-    assert_eq!((again.seed(), again.library), (99, Some(LibraryRef::Inline(library))));
+    assert_eq!(again.seed(), 99);
+    assert!(matches!(&again.library, Some(LibraryRef::Inline(members)) if members["rig"] == "upm-1"));
     assert_eq!((again.rig.model, again.task), (spec.rig.model, spec.task));
+    whole["library"]["entries"] = json!([]);
+    let line = "library.entries: expected a list of 3 or more items (an object each), found a list of 0";
+    assert_eq!(lines(job(&whole).unwrap_err()), [line]);
 }
 
 proptest! {

@@ -36,7 +36,7 @@ fn anything() -> impl Strategy<Value = Value> {
 }
 
 /// JSON pointers of all values in a document.
-fn places(document: &Value, at: &str, out: &mut Vec<String>) {
+pub(super) fn places(document: &Value, at: &str, out: &mut Vec<String>) {
     out.push(at.to_owned());
     for (key, member) in document.as_object().into_iter().flatten().filter(|(key, _)| !key.contains(['/', '~'])) {
         places(member, &format!("{at}/{key}"), out);
@@ -47,13 +47,13 @@ fn places(document: &Value, at: &str, out: &mut Vec<String>) {
 }
 
 /// A job with its rig written out, so that mutations reach all of it.
-fn whole(job: &str, rig: &str) -> Value {
+pub(super) fn whole(job: &str, rig: &str) -> Value {
     let mut document = value_of(job);
     document["rig"] = value_of(rig);
     document
 }
 
-fn experiment() -> Value {
+pub(super) fn experiment() -> Value {
     json!({
         "rig": value_of("rigs/upm-1.json"), "plate": "kinematic",
         "parts": [{"kind": "penny", "position_mm": [40, 0]}],

@@ -9,6 +9,7 @@ use ureq::http::Uri;
 
 use super::client::url_of;
 use crate::cli::client_args::EstopArgs;
+use upm_runner::config::text_of;
 use upm_server::api::EStopped;
 use upm_server::daemon::{ESTOP_SOCKET, LocalStopRequest, stop_locally};
 
@@ -54,7 +55,7 @@ fn port_on_loopback(url: &str) -> Option<u16> {
 
 /// Data folder named in a daemon file; the rest of the file is not read.
 fn data_of(config: &Path) -> PathBuf {
-    let value = std::fs::read(config).ok().and_then(|text| serde_json::from_slice::<Value>(&text).ok());
+    let value = text_of(config).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
     let data = value.as_ref().and_then(|value| value.get("data")?.as_str()).unwrap_or("data");
     config.parent().unwrap_or(Path::new("")).join(data)
 }

@@ -5,8 +5,9 @@ use super::watch;
 use crate::cli::args::Common;
 use crate::cli::client_args::SubmitArgs;
 use crate::cli::output::{Failure, print_json};
+use upm_core::document::parse;
 use upm_core::job::Pace;
-use upm_runner::config::{DiagnosticClass, JobFile, JobSpec, MOST_BYTES, Origin, RigSource};
+use upm_runner::config::{DiagnosticClass, JobFile, JobSpec, MOST_BYTES, Origin, RigSource, text_of};
 use upm_server::api::Job;
 
 pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
@@ -64,13 +65,12 @@ fn sendable(file: &Path) -> Result<JobFile, Failure> {
 }
 
 fn checked_job(file: &Path) -> Result<JobFile, Failure> {
-    let read_failed = |error: &dyn std::fmt::Display| Failure::bad_input(format!("{}: {error}", file.display()));
     match JobSpec::load(file) {
-        Ok(job) => serde_json::from_value(job.effective()).map_err(|error| read_failed(&error)),
+        Ok(job) => serde_json::from_value(job.effective()).map_err(Failure::failed),
         // a job without a rig runs on that of the plate: the daemon, which knows it, checks the rest
         Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.class == DiagnosticClass::Missing) => {
-            let text = std::fs::read_to_string(file).map_err(|error| read_failed(&error))?;
-            let job: JobFile = serde_json::from_str(&text).map_err(|error| read_failed(&error))?;
+            let text = text_of(file).map_err(Failure::of_files)?;
+            let job: JobFile = parse(&text, &file.display().to_string()).map_err(Failure::of_files)?;
             job.with_drawings_written_out(&Origin::of_file(file)).map_err(Failure::faults)
         }
         Err(faults) => Err(Failure::of_files(faults)),
@@ -91,4 +91,18 @@ fn checked(key: &str) -> Result<&str, Failure> {
     let is_key = (1..=255).contains(&key.len()) && key.bytes().all(|b| b.is_ascii_graphic());
     let wrong = || Failure::bad_input(format!("--key: expected 1 to 255 visible ASCII characters, found {key:?}"));
     is_key.then_some(key).ok_or_else(wrong)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_job_without_a_rig_is_read_like_any_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("job.json");
+        let job = r#"{"name": "a", "seed": 2.0, "parts": [{"kind": "dime"}], "task": {"type": "hold"}}"#;
+        std::fs::write(&file, format!("\u{feff}{job}")).unwrap();
+        assert_eq!(sendable(&file).unwrap().seed, 2);
+    }
 }

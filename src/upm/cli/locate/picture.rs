@@ -25,6 +25,8 @@ const END_OF_IMAGE: [u8; 2] = [0xFF, 0xD9];
 #[derive(Debug)]
 pub(super) struct InputPicture {
     pub frame: Frame,
+    /// Bits of a pixel value that are used; `None` for a picture of 8 bits.
+    pub bits: Option<u32>,
     /// Focal length that the file states, in longer sides of the picture.
     pub focal_sides: Option<f64>,
 }
@@ -73,11 +75,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<InputPicture, String> {
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(no_picture)?;
     picture.apply_orientation(orientation);
-    let gray = gray(picture)?;
+    let (gray, bits) = gray(picture)?;
     let mut frame = Frame::new(0, 0);
     (frame.width, frame.height) = (gray.width() as usize, gray.height() as usize);
     frame.pixels = gray.into_raw();
-    Ok(InputPicture { frame, focal_sides })
+    Ok(InputPicture { frame, bits, focal_sides })
 }
 
 /// True when the JPEG picture that `bytes` begin with is not truncated: the decoder fills what is missing with gray and
@@ -118,16 +120,19 @@ fn focal_sides(exif: &[u8]) -> Option<f64> {
     Some(f64::from(focal_mm) / FILM_MM).filter(|sides| (0.2..20.0).contains(sides))
 }
 
-/// Luminance in 8 bits; transparent pixels become black, like the ground around a plate.
-fn gray(image: DynamicImage) -> Result<GrayImage, String> {
+/// Luminance in 8 bits, with the bits used of more; transparent pixels become black, like the ground around a plate.
+fn gray(image: DynamicImage) -> Result<(GrayImage, Option<u32>), String> {
     let (width, height, color) = (image.width(), image.height(), image.color());
-    let pixels = match color {
-        ColorType::L8 | ColorType::Rgb8 => return Ok(image.into_luma8()),
-        ColorType::La8 | ColorType::Rgba8 => over_black(image).iter().map(|&level| (level / 257) as u8).collect(),
+    let (pixels, bits) = match color {
+        ColorType::L8 | ColorType::Rgb8 => return Ok((image.into_luma8(), None)),
+        ColorType::La8 | ColorType::Rgba8 => {
+            (over_black(image).iter().map(|&level| (level / 257) as u8).collect(), None)
+        }
         ColorType::L16 | ColorType::Rgb16 | ColorType::La16 | ColorType::Rgba16 => narrowed(&over_black(image)),
         _ => return Err(format!("{color:?} pixels")),
     };
-    GrayImage::from_raw(width, height, pixels).ok_or("fewer pixels than the picture has room for".to_owned())
+    let gray = GrayImage::from_raw(width, height, pixels).ok_or("fewer pixels than the picture has room for")?;
+    Ok((gray, bits))
 }
 
 /// Levels of 16 bits, composed over black.
@@ -138,13 +143,13 @@ fn over_black(image: DynamicImage) -> Vec<u16> {
 }
 
 /// 16-bit levels in 8 bits. Cameras with 10 or 12 bits often use the low bits only, so white is the largest number of
-/// the fewest bits, 8, 10, 12, 14 or 16, that hold the brightest pixel.
-fn narrowed(levels: &[u16]) -> Vec<u8> {
+/// the fewest bits, 8, 10, 12, 14 or 16, that hold the brightest pixel: the second value.
+fn narrowed(levels: &[u16]) -> (Vec<u8>, Option<u32>) {
     let brightest = levels.iter().copied().max().unwrap_or(0);
     let bits = [8, 10, 12, 14].into_iter().find(|&bits| brightest >> bits == 0).unwrap_or(16);
     let white = (1u32 << bits) - 1;
     let narrow = |&level: &u16| ((u32::from(level) * 255 + white / 2) / white) as u8;
-    levels.iter().map(narrow).collect()
+    (levels.iter().map(narrow).collect(), Some(bits))
 }
 
 #[cfg(test)]

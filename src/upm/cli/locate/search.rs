@@ -63,6 +63,9 @@ struct SeenPlane {
 pub(super) fn locate_picture(image: &Path, setting: &LocateSetup) -> Result<LocatedPicture, Failure> {
     let clock = MonotonicClock::new();
     let picture = picture::read(image)?;
+    if let Some(bits) = picture.bits {
+        tracing::info!("{}: 16-bit picture; using {bits} significant bits", image.display());
+    }
     let decoded = clock.elapsed();
     let frame = picture.frame;
     let failed = |why: String| Failure::failed(format!("{}: {why}", image.display()));

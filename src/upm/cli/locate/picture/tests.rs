@@ -76,6 +76,7 @@ fn few_bits_in_sixteen_span_all_levels() {
     for (bits, brightest) in [(8, 255), (10, 256), (10, 1023), (12, 1024), (14, 16383), (16, 16384), (16, 65535)] {
         let wide: Vec<u16> = levels().iter().map(|&level| (u32::from(level) * brightest / highest) as u16).collect();
         let picture = decode(&graymap(&wide, u16::MAX)).unwrap();
+        assert_eq!(picture.bits, Some(bits), "brightest {brightest}");
         let scale = 255.0 / f64::from((1u32 << bits) - 1);
         for (&level, &wide) in picture.frame.pixels.iter().zip(&wide) {
             assert!((f64::from(level) - f64::from(wide) * scale).abs() <= 0.5);
