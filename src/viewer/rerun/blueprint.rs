@@ -140,10 +140,10 @@ struct ViewLayout {
 }
 
 impl ViewLayout {
-    /// A view of just this range of x and y.
-    fn bounded(&mut self, name: &str, origin: &str, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
+    /// A view of `entity` in just this range of x and y. Its origin is the root, so that a transform of `entity` holds.
+    fn bounded(&mut self, name: &str, entity: &str, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
         let range = datatypes::Range2D { x_range: datatypes::Range1D(x), y_range: datatypes::Range1D(y) };
-        let view = Spatial2DView::new(name).with_origin(origin).into();
+        let view = Spatial2DView::new(name).with_origin("/").with_contents([format!("{entity}/**")]).into();
         self.set(&view, "VisualBounds2D", &VisualBounds2D::new(range));
         view
     }

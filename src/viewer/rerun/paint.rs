@@ -54,9 +54,9 @@ pub(super) fn thin(points: f32) -> Radius {
     Radius::new_ui_points(points)
 }
 
-/// A point of the table in the view from above: mm, y down.
+/// A point of the table in the view from above, mm.
 pub(super) fn above(p_m: Vec2) -> [f32; 2] {
-    [mm_from_m(p_m.x) as f32, -mm_from_m(p_m.y) as f32]
+    [mm_from_m(p_m.x) as f32, mm_from_m(p_m.y) as f32]
 }
 
 /// A point of a frame (px) in a 2D view of that frame at half its size, where pixel (0, 0) covers the square from 0 to
@@ -74,7 +74,7 @@ pub(super) fn names(parts: &[LayoutPart], colors: Vec<Color>) -> Points2D {
         .with_radii([thin(0.1)])
 }
 
-/// The lowest point of a disc in a view, from which the viewer hangs its name.
+/// The lowest point of a disc, from which the viewer hangs its name. Where y is up, the radius is negative.
 pub(super) fn below(([x, y], radius): ([f32; 2], f32)) -> [f32; 2] {
     [x, y + radius]
 }
