@@ -4,7 +4,7 @@ use std::path::Path as FilePath;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::read::{NAMES, is_plain_name};
+use super::read::{NAMES, is_name};
 use upm_core::document::{Diagnostic, Path, parse_and_build, text_of};
 use upm_core::rig::PartKind;
 use upm_core::units::m_from_mm;
@@ -51,7 +51,7 @@ pub fn coin_set(name_or_path: &str) -> Result<Vec<PartKind>, Vec<Diagnostic>> {
     parse_and_build(&text, name_or_path, |CoinsFile { coins }, faults| {
         for name in coins.keys() {
             let at = Path::root().key("coins").key(name);
-            faults.require(is_plain_name(name), &at, format!("{name:?}"), NAMES);
+            faults.require(is_name(name), &at, format!("{name:?}"), NAMES);
         }
         let kind = |(name, coin): (String, CoinEntry)| {
             let (radius_m, thickness_m) = (m_from_mm(0.5 * coin.diameter_mm), m_from_mm(coin.thickness_mm));

@@ -143,7 +143,7 @@ fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) 
     let plate_of = |(i, plate): (usize, &PlateEntry)| {
         let at = Path::root().key("plates").index(i);
         let name = quoted(&plate.name);
-        faults.require(is_plain_name(&plate.name), at.key("name"), &name, NAMES);
+        faults.require(is_plain_name(&plate.name), at.key("name"), &name, format!("{NAMES}, all ASCII"));
         // case-insensitive file systems would map two latches to one file
         let twice = entries.iter().take(i).any(|before| before.name.eq_ignore_ascii_case(&plate.name));
         faults.require(!twice, at.key("name"), &name, "a name that no plate before has");

@@ -83,8 +83,8 @@ fn data() -> String {
 /// A plate that is served.
 #[derive(Deserialize, JsonSchema)]
 pub(crate) struct PlateEntry {
-    /// Its name, by which jobs ask for it: letters, digits, `.`, `_` and `-`.
-    #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
+    /// Its name, by which jobs ask for it: ASCII letters, digits, `.`, `_` and `-`, not first `.` or `-`.
+    #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9_][A-Za-z0-9._-]*$"))]
     pub(crate) name: String,
     /// The rig: a path relative to this file, or the object itself.
     pub(crate) rig: RigSource,

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::faults::FaultList;
+use super::read::NAME_PATTERN;
 use super::rig_file::RigSource;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
 use upm_core::job::Bin;
@@ -16,8 +17,8 @@ use upm_core::units::{thousandths, whole};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "job")]
 pub struct JobFile {
-    /// Name of the job and of its run folder: 1 to 64 letters, digits, `.`, `_` and `-`.
-    #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
+    /// Name of the job and of its run folder: letters of any script, digits, `.`, `_` and `-`, not first `.` or `-`.
+    #[schemars(length(min = 1, max = 64), extend("pattern" = NAME_PATTERN))]
     pub(crate) name: String,
     /// Seed of everything random.
     #[serde(default = "whole::<u64, 1>")]

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::read::NAME_PATTERN;
 use upm_core::rig::FieldDriveModel;
 use upm_core::units::thousandths;
 use upm_sim::{AccelerometerParams, CameraParams, MotorParams, PlateParams};
@@ -13,8 +14,8 @@ use upm_sim::{AccelerometerParams, CameraParams, MotorParams, PlateParams};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "rig")]
 pub struct RigFile {
-    /// Name of the rig, for reports and libraries: letters, digits, `.`, `_` and `-`.
-    #[schemars(length(min = 1, max = 64), extend("pattern" = "^[A-Za-z0-9._-]+$"))]
+    /// Name of the rig, for reports and libraries: letters, digits, `.`, `_` and `-`, not first `.` or `-`.
+    #[schemars(length(min = 1, max = 64), extend("pattern" = NAME_PATTERN))]
     pub name: String,
     /// The moving plate.
     pub plate: PlateParams,
@@ -32,8 +33,9 @@ pub struct RigFile {
     /// Friction and impacts. Only the simulated rig knows these.
     #[serde(default)]
     pub friction: FrictionSection,
-    /// Kinds of part besides penny, nickel, dime and quarter, by name.
+    /// Kinds of part besides penny, nickel, dime and quarter, by name, which is as the rig's.
     #[serde(default)]
+    #[schemars(extend("propertyNames" = {"minLength": 1, "maxLength": 64, "pattern": NAME_PATTERN}))]
     pub(crate) kinds: BTreeMap<String, KindEntry>,
     /// The simulation itself.
     #[serde(default)]
