@@ -110,7 +110,7 @@ pub struct StandingJob {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PauseCause {
     /// Stable code for programs: that of `stop` in the job's report where the end of a job paused the plate, otherwise
-    /// `reset`, `restarted`, `crashed` or `stopped`.
+    /// `reset`, `between_jobs`, `restarted`, `crashed` or `stopped`.
     pub code: String,
     /// The operator's checks or actions before the plate goes on.
     pub remedy: String,
@@ -129,6 +129,15 @@ impl PauseCause {
     /// The pause of a plate on which jobs waited when the daemon was shut down.
     pub(crate) fn restarted() -> Self {
         Self::new("restarted", "jobs waited when the daemon ended: resume to go on", "resume to go on")
+    }
+
+    /// The pause after a job of a plate on which a person makes room or order before the next.
+    pub(crate) fn between_jobs() -> Self {
+        Self::new(
+            "between_jobs",
+            "waits for a person between two jobs",
+            "make the plate ready for the next job, then resume",
+        )
     }
 
     /// The pause of every plate after a daemon that was not shut down in order.

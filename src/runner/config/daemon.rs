@@ -1,7 +1,7 @@
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 
-use super::daemon_file::{DaemonFile, KeepSpec, PlateEntry, StandingEntry, StandingStart, WatchdogSpec};
+use super::daemon_file::{BetweenJobs, DaemonFile, KeepSpec, PlateEntry, StandingEntry, StandingStart, WatchdogSpec};
 use super::job::JobSpec;
 use super::read::{NAMES, Origin, is_plain_name};
 use super::rig::RigSpec;
@@ -58,6 +58,8 @@ pub struct PlateSpec {
     pub library: PathBuf,
     /// Key that names the library's file, for faults.
     pub library_key: String,
+    /// True if the plate pauses after each job.
+    pub waits_after_jobs: bool,
     /// Job that runs whenever the plate's queue is empty.
     pub standing: Option<StandingSpec>,
 }
@@ -163,7 +165,8 @@ fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) 
             Some(job) => Some(standing_of(job, plate, &rig, origin, &at.key("standing_job"), faults)?),
             None => None,
         };
-        Some(PlateSpec { name: plate.name.clone(), rig, library, library_key, standing })
+        let waits_after_jobs = plate.between_jobs == BetweenJobs::Wait;
+        Some(PlateSpec { name: plate.name.clone(), rig, library, library_key, waits_after_jobs, standing })
     };
     let plates: Vec<Option<PlateSpec>> = entries.iter().enumerate().map(plate_of).collect();
     plates.into_iter().collect()

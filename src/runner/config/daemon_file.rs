@@ -91,8 +91,22 @@ pub(crate) struct PlateEntry {
     /// COR library in place of the rig's: a path relative to this file.
     #[schemars(length(min = 1, max = 4096))]
     pub(crate) library: Option<String>,
+    /// Whether the next job begins at once after one, or once a person has resumed the plate.
+    #[serde(default)]
+    pub(crate) between_jobs: BetweenJobs,
     /// Job that runs whenever the plate's queue is empty, and gives way between two cycles to any job that comes.
     pub(crate) standing_job: Option<StandingEntry>,
+}
+
+/// What a plate does after a job.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum BetweenJobs {
+    /// It takes the next job.
+    #[default]
+    GoOn,
+    /// It pauses until a person resumes it.
+    Wait,
 }
 
 /// The standing job of a plate. It begins again whenever it ends, until it fails or a person cancels it.

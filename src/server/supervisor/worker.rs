@@ -37,6 +37,8 @@ pub(super) struct PlateWorker {
     pub rerun: RerunMode,
     /// Free bytes below which the standing job waits.
     pub min_free_bytes: u64,
+    /// True if the plate pauses after each job.
+    pub waits_after_jobs: bool,
 }
 
 impl PlateWorker {
@@ -119,6 +121,8 @@ impl PlateWorker {
         if lost_parts > 0 || stopped_by_guard {
             // an operator puts the part back, removes it, or checks what is wrong
             self.shared.pause(PauseCause::after(stop.as_ref(), &end.reason));
+        } else if self.waits_after_jobs {
+            self.shared.pause(PauseCause::between_jobs());
         }
         self.settle_interlock(stop.as_ref(), &end.reason);
         if claimed.row.standing {
