@@ -18,6 +18,8 @@ pub struct DaemonSpec {
     pub listen: SocketAddr,
     /// Address and port of the listener for emergency stops alone, if there is one.
     pub stop_listen: Option<SocketAddr>,
+    /// Path below which page and API are served, without a `/` at its end; empty for the root.
+    pub base_path: String,
     /// Folder of the job store, run folders and latches.
     pub data: PathBuf,
     /// The plates, in the order of the file.
@@ -91,6 +93,10 @@ impl DaemonSpec {
         let plates = plates_of(&file.plates, origin, faults);
         let default_plate = default_plate_of(&file, faults);
         let hosts = hosts_of(&file.hosts, faults);
+        let base_path = file.base_path.clone().unwrap_or_default();
+        let is_path = |path: &String| path.strip_prefix('/').is_some_and(|rest| rest.split('/').all(is_plain_name));
+        let allowed = "a path like /upm, without `/` at its end, of ASCII letters, digits, `.`, `_`, `-`";
+        faults.require(file.base_path.as_ref().is_none_or(is_path), root.key("base_path"), quoted(&base_path), allowed);
         let mut file_of = |key: &str, named: &str| origin.named_file(named, &root.key(key), faults);
         let data = file_of("data", &file.data);
         let token_file = file.token_file.as_ref().and_then(|named| file_of("token_file", named));
@@ -105,6 +111,7 @@ impl DaemonSpec {
             file: origin.file.clone(),
             listen: listen?,
             stop_listen,
+            base_path,
             data: data?,
             plates: plates?,
             default_plate,

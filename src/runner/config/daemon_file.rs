@@ -26,6 +26,9 @@ pub(crate) struct DaemonFile {
     /// out: none.
     #[schemars(length(min = 1, max = 64))]
     pub(crate) stop_listen: Option<String>,
+    /// Path below which the page and the API are served, as `/upm`, for a proxy that passes it on. Left out: none.
+    #[schemars(length(max = 256), extend("pattern" = "^(/[A-Za-z0-9_][A-Za-z0-9._-]{0,63})+$"))]
+    pub(crate) base_path: Option<String>,
     /// Folder of the job store, run folders and latches, relative to this file.
     #[serde(default = "data")]
     #[schemars(length(min = 1, max = 4096))]
