@@ -9,7 +9,7 @@ use jiff::Timestamp;
 use sd_notify::{NotifyState, notify, watchdog_enabled};
 
 use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
-use super::prepare::Prepared;
+use super::prepare::{Prepared, renew_tokens};
 use crate::api::{DaemonState, app, liveness_failures};
 use crate::http::{AllowedHosts, Caller, STOP_PATH, joined, serve, serve_stops};
 use crate::store::{JobState, RecoveryReport, Store, StoreFault, StoreLimits};
@@ -151,16 +151,19 @@ fn log_recovery(recovery: &RecoveryReport, store: &Store, spec: &DaemonSpec) {
     }
 }
 
-/// Starts the thread that counts jobs and free space until the daemon ends. A disk that hangs holds this thread alone.
+/// Starts the thread that counts jobs and free space and renews tokens until the daemon ends. A disk that hangs holds
+/// this thread alone.
 fn start_counting(state: &Arc<DaemonState>) -> io::Result<()> {
     let state = Arc::clone(state);
     let count = move || {
         lower_thread_priority();
+        let mut faults = Vec::new();
         for tick in 0_u64.. {
             if state.ending.is_cancelled() {
                 break;
             }
             state.count(tick.is_multiple_of(TICKS_A_COUNT));
+            faults = renew_tokens(&state.spec, &state.tokens, &faults);
             thread::sleep(TICK);
         }
     };
