@@ -133,11 +133,8 @@ impl PauseCause {
 
     /// The pause after a job of a plate on which a person makes room or order before the next.
     pub(crate) fn between_jobs() -> Self {
-        Self::new(
-            "between_jobs",
-            "waits for a person between two jobs",
-            "make the plate ready for the next job, then resume",
-        )
+        let remedy = "make the plate ready for the next job, then resume";
+        Self::new("between_jobs", "waits for a person between two jobs", remedy)
     }
 
     /// The pause of every plate after a daemon that was not shut down in order.

@@ -86,13 +86,12 @@ impl PlateWorker {
         }
         let Some(standing) = &self.shared.standing else { return Ok(None) };
         let low = low_disk(free_bytes(store.runs()).ok(), self.min_free_bytes);
-        let is_held = low.is_some();
         if standing.hold(low.clone())
-            && let Some(why) = low
+            && let Some(why) = &low
         {
             tracing::warn!(plate = self.shared.name, "the standing job waits: {why}");
         }
-        if is_held || standing.paused().is_some() {
+        if low.is_some() || standing.paused().is_some() {
             return Ok(None);
         }
         store.begin_standing(&standing.job, &folder)
