@@ -131,12 +131,6 @@ impl PauseCause {
         Self::new("restarted", "jobs waited when the daemon ended: resume to go on", "resume to go on")
     }
 
-    /// The pause after a job of a plate on which a person makes room or order before the next.
-    pub(crate) fn between_jobs() -> Self {
-        let remedy = "make the plate ready for the next job, then resume";
-        Self::new("between_jobs", "waits for a person between two jobs", remedy)
-    }
-
     /// The pause of every plate after a daemon that was not shut down in order.
     pub(crate) fn crashed() -> Self {
         let remedy = "look at the plate, then resume";

@@ -114,7 +114,10 @@ impl Daemon {
     /// do; motors go to zero first. The service manager is notified when the daemon is ready, alive and shutting down.
     pub fn serve(mut self, stop: &Receiver<()>) -> ExitReport {
         let (state, estop_socket) = (Arc::clone(&self.state), self.estop_socket.take());
-        let answering = self.answer();
+        // on another thread until the daemon ends
+        let (app, ending) = (app(Arc::clone(&state)), state.ending.clone());
+        let answering =
+            thread::spawn(move || serve(self.listener, app, &ending, REQUESTS_WITHIN, lower_thread_priority));
         if let Err(error) = start_counting(&state) {
             tracing::error!("jobs are not counted: {error}");
         }
@@ -125,12 +128,6 @@ impl Daemon {
         }
         while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {}
         end(&state, answering, estop_socket)
-    }
-
-    /// Serves HTTP on another thread until the daemon ends.
-    fn answer(self) -> JoinHandle<io::Result<usize>> {
-        let (app, ending) = (app(Arc::clone(&self.state)), self.state.ending.clone());
-        thread::spawn(move || serve(self.listener, app, &ending, REQUESTS_WITHIN, lower_thread_priority))
     }
 }
 

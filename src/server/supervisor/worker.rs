@@ -121,13 +121,18 @@ impl PlateWorker {
             // an operator puts the part back, removes it, or checks what is wrong
             self.shared.pause(PauseCause::after(stop.as_ref(), &end.reason));
         } else if self.waits_after_jobs {
-            self.shared.pause(PauseCause::between_jobs());
+            let remedy = "make the plate ready for the next job, then resume";
+            self.shared.pause(PauseCause::new("between_jobs", "waits for a person between two jobs", remedy));
         }
         self.settle_interlock(stop.as_ref(), &end.reason);
         if claimed.row.standing {
             self.settle_standing(&end, is_cancelled);
         }
-        self.log(&id, &end);
+        let (plate, state, reason) = (&self.shared.name, end.state.code(), &end.reason);
+        match end.state {
+            JobState::Failed | JobState::Interrupted => tracing::warn!(plate, job = %id, "{state}: {reason}"),
+            _ => tracing::info!(plate, job = %id, "{state}: {reason}"),
+        }
         self.store(&id, &end);
     }
 
@@ -198,14 +203,6 @@ impl PlateWorker {
         let state = JobState::of_end(report.outcome, report.stop.as_ref().map(|stop| stop.code));
         let json = serde_json::to_value(&report).ok();
         JobEnd { report: json.as_ref().and_then(Value::as_object).cloned(), ..JobEnd::of(state, report.reason) }
-    }
-
-    fn log(&self, id: &JobId, JobEnd { state, reason, .. }: &JobEnd) {
-        let (plate, state_name) = (&self.shared.name, state.code());
-        match state {
-            JobState::Failed | JobState::Interrupted => tracing::warn!(plate, job = %id, "{state_name}: {reason}"),
-            _ => tracing::info!(plate, job = %id, "{state_name}: {reason}"),
-        }
     }
 
     /// Releases an interlock that tripped for any reason except an emergency stop; it ends with the run it stopped.

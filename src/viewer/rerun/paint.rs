@@ -1,6 +1,6 @@
 //! Colours and coordinates shared by all views.
 
-use re_sdk_types::archetypes::{Arrows2D, Ellipses2D, LineStrips2D, Points2D};
+use re_sdk_types::archetypes::{Arrows2D, LineStrips2D, Points2D};
 use re_sdk_types::components::{Color, LineStrip2D, Radius};
 
 use upm_chart::{Ground, Palette};
@@ -94,10 +94,4 @@ pub(super) fn arrows(ends: impl IntoIterator<Item = [[f32; 2]; 2]>, paint: Rgb, 
     let (origins, vectors): (Vec<_>, Vec<_>) =
         ends.into_iter().map(|[[x0, y0], [x1, y1]]| ([x0, y0], [x1 - x0, y1 - y0])).unzip();
     Arrows2D::from_vectors(vectors).with_origins(origins).with_colors([color(paint)]).with_radii([thin(points)])
-}
-
-/// Circles of one colour, each with its centre and radius.
-pub(super) fn circles(circles: impl IntoIterator<Item = ([f32; 2], f32)>, paint: Rgb, points: f32) -> Ellipses2D {
-    let (centers, radii): (Vec<_>, Vec<_>) = circles.into_iter().map(|(center, radius)| (center, [radius; 2])).unzip();
-    Ellipses2D::from_centers_and_half_sizes(centers, radii).with_colors([color(paint)]).with_line_radii([thin(points)])
 }
