@@ -146,7 +146,7 @@ mod tests {
         let faults = renew_tokens(&spec, &tokens, &[]);
         assert_eq!((faults.len(), admits("a"), admits("b")), (1, true, false));
         fs::write(&file, "b".repeat(32)).unwrap();
-        assert_eq!(renew_tokens(&spec, &tokens, &faults), []);
+        assert!(renew_tokens(&spec, &tokens, &faults).is_empty());
         assert_eq!((admits("a"), admits("b")), (false, true));
     }
 
