@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use aide::openapi::OpenApi;
+use aide::openapi::{OpenApi, Server};
+use axum::response::Redirect;
+use axum::routing::get;
 use axum::{Extension, Router};
 
 use crate::http::{AllowedHosts, with_layers};
@@ -36,6 +38,13 @@ pub(crate) fn app(daemon: Arc<DaemonState>) -> Router {
     let mut document = OpenApi::default();
     let routes = routes::routes(&daemon.tokens);
     let routes = routes.finish_api_with(&mut document, |api| routes::described(api, daemon.version));
-    let hosts = AllowedHosts::new(daemon.spec.listen, &daemon.spec.hosts);
-    with_layers(routes.with_state(daemon).layer(Extension(Arc::new(document))), hosts)
+    let (hosts, base) = (AllowedHosts::new(daemon.spec.listen, &daemon.spec.hosts), daemon.spec.base_path.clone());
+    document.servers.extend((!base.is_empty()).then(|| Server { url: base.clone(), ..Server::default() }));
+    let mut routes = routes.with_state(daemon).layer(Extension(Arc::new(document)));
+    if !base.is_empty() {
+        // addresses in the page are relative to one that ends with `/`
+        let page = format!("{base}/");
+        routes = Router::new().nest_service(&page, routes).route(&base, get(Redirect::temporary(&page)));
+    }
+    with_layers(routes, hosts)
 }

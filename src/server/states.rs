@@ -110,7 +110,7 @@ pub struct StandingJob {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PauseCause {
     /// Stable code for programs: that of `stop` in the job's report where the end of a job paused the plate, otherwise
-    /// `reset`, `restarted`, `crashed` or `stopped`.
+    /// `reset`, `between_jobs`, `restarted`, `crashed` or `stopped`.
     pub code: String,
     /// The operator's checks or actions before the plate goes on.
     pub remedy: String,

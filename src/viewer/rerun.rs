@@ -8,7 +8,7 @@
 //!
 //! Timelines: `plate_time` and `cycle`. Entity paths: `camera` (the frame that starts each cycle), `table` (from
 //! above, mm), `plan`, `motors`, `accelerometers`, `errors`, `timing`, `log`. Rerun's 2D views have y down;
-//! `table` is logged with y negated, so that y is up.
+//! `table` has a transform that mirrors it, so that y is up in its data as in the journal's, and on the screen.
 
 mod blueprint;
 mod camera;

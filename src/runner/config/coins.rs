@@ -4,7 +4,7 @@ use std::path::Path as FilePath;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::read::{NAME_PATTERN, NAMES, is_plain_name};
+use super::read::{NAME_PATTERN, NAMES, is_name};
 use upm_core::document::{Diagnostic, Path, counted, parse_and_build, text_of};
 use upm_core::rig::PartKind;
 use upm_core::units::m_from_mm;
@@ -24,9 +24,9 @@ const SETS: [(&str, &str); 4] = [
 #[derive(Deserialize, JsonSchema)]
 #[schemars(title = "coins")]
 pub(super) struct CoinsFile {
-    /// Kinds by name, 1 to 64. A name has 1 to 64 letters, digits, `.`, `_` and `-`.
+    /// Kinds by name, 1 to 64.
     #[schemars(extend("maxProperties" = MOST_COINS, "minProperties" = 1))]
-    #[schemars(extend("propertyNames" = {"pattern": NAME_PATTERN, "maxLength": 64}))]
+    #[schemars(extend("propertyNames" = {"minLength": 1, "maxLength": 64, "pattern": NAME_PATTERN}))]
     coins: BTreeMap<String, CoinEntry>,
 }
 
@@ -73,7 +73,7 @@ pub(super) fn coins_of(text: &str, file: &str) -> Result<Vec<PartKind>, Vec<Diag
         faults.require((1..=MOST_COINS).contains(&coins.len()), "coins", counted(coins.len(), "kind"), allowed);
         for name in coins.keys() {
             let at = Path::root().key("coins").key(name);
-            faults.require(is_plain_name(name), &at, format!("{name:?}"), NAMES);
+            faults.require(is_name(name), &at, format!("{name:?}"), NAMES);
         }
         let kind = |(name, coin): (String, CoinEntry)| {
             let (radius_m, thickness_m) = (m_from_mm(0.5 * coin.diameter_mm), m_from_mm(coin.thickness_mm));

@@ -1,7 +1,7 @@
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 
-use super::daemon_file::{DaemonFile, KeepSpec, PlateEntry, StandingEntry, StandingStart, WatchdogSpec};
+use super::daemon_file::{BetweenJobs, DaemonFile, KeepSpec, PlateEntry, StandingEntry, StandingStart, WatchdogSpec};
 use super::job::JobSpec;
 use super::read::{NAMES, Origin, is_plain_name};
 use super::rig::RigSpec;
@@ -18,6 +18,8 @@ pub struct DaemonSpec {
     pub listen: SocketAddr,
     /// Address and port of the listener for emergency stops alone, if there is one.
     pub stop_listen: Option<SocketAddr>,
+    /// Path below which page and API are served, without a `/` at its end; empty for the root.
+    pub base_path: String,
     /// Folder of the job store, run folders and latches.
     pub data: PathBuf,
     /// The plates, in the order of the file.
@@ -58,6 +60,8 @@ pub struct PlateSpec {
     pub library: PathBuf,
     /// Key that names the library's file, for faults.
     pub library_key: String,
+    /// True if the plate pauses after each job.
+    pub waits_after_jobs: bool,
     /// Job that runs whenever the plate's queue is empty.
     pub standing: Option<StandingSpec>,
 }
@@ -89,6 +93,10 @@ impl DaemonSpec {
         let plates = plates_of(&file.plates, origin, faults);
         let default_plate = default_plate_of(&file, faults);
         let hosts = hosts_of(&file.hosts, faults);
+        let base_path = file.base_path.clone().unwrap_or_default();
+        let is_path = |path: &String| path.strip_prefix('/').is_some_and(|rest| rest.split('/').all(is_plain_name));
+        let allowed = "a path like /upm, without `/` at its end, of ASCII letters, digits, `.`, `_`, `-`";
+        faults.require(file.base_path.as_ref().is_none_or(is_path), root.key("base_path"), quoted(&base_path), allowed);
         let mut file_of = |key: &str, named: &str| origin.named_file(named, &root.key(key), faults);
         let data = file_of("data", &file.data);
         let token_file = file.token_file.as_ref().and_then(|named| file_of("token_file", named));
@@ -103,6 +111,7 @@ impl DaemonSpec {
             file: origin.file.clone(),
             listen: listen?,
             stop_listen,
+            base_path,
             data: data?,
             plates: plates?,
             default_plate,
@@ -143,7 +152,7 @@ fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) 
     let plate_of = |(i, plate): (usize, &PlateEntry)| {
         let at = Path::root().key("plates").index(i);
         let name = quoted(&plate.name);
-        faults.require(is_plain_name(&plate.name), at.key("name"), &name, NAMES);
+        faults.require(is_plain_name(&plate.name), at.key("name"), &name, format!("{NAMES}, all ASCII"));
         // case-insensitive file systems would map two latches to one file
         let twice = entries.iter().take(i).any(|before| before.name.eq_ignore_ascii_case(&plate.name));
         faults.require(!twice, at.key("name"), &name, "a name that no plate before has");
@@ -163,7 +172,8 @@ fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) 
             Some(job) => Some(standing_of(job, plate, &rig, origin, &at.key("standing_job"), faults)?),
             None => None,
         };
-        Some(PlateSpec { name: plate.name.clone(), rig, library, library_key, standing })
+        let waits_after_jobs = plate.between_jobs == BetweenJobs::Wait;
+        Some(PlateSpec { name: plate.name.clone(), rig, library, library_key, waits_after_jobs, standing })
     };
     let plates: Vec<Option<PlateSpec>> = entries.iter().enumerate().map(plate_of).collect();
     plates.into_iter().collect()

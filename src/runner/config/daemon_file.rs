@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use upm_core::job::Pace;
 
-use super::read::NAME_PATTERN;
+use super::read::PLAIN_NAME_PATTERN;
 use super::rig_file::RigSource;
 use upm_core::units::{file_form, whole};
 
@@ -27,6 +27,9 @@ pub(crate) struct DaemonFile {
     /// out: none.
     #[schemars(length(min = 1, max = 64))]
     pub(crate) stop_listen: Option<String>,
+    /// Path below which the page and the API are served, as `/upm`, for a proxy that passes it on. Left out: none.
+    #[schemars(length(max = 256), extend("pattern" = "^(/[A-Za-z0-9_][A-Za-z0-9._-]{0,63})+$"))]
+    pub(crate) base_path: Option<String>,
     /// Folder of the job store, run folders and latches, relative to this file.
     #[serde(default = "data")]
     #[schemars(length(min = 1, max = 4096))]
@@ -84,16 +87,30 @@ fn data() -> String {
 /// A plate that is served.
 #[derive(Deserialize, JsonSchema)]
 pub(crate) struct PlateEntry {
-    /// Its name, by which jobs ask for it: letters, digits, `.`, `_` and `-`.
-    #[schemars(length(min = 1, max = 64), extend("pattern" = NAME_PATTERN))]
+    /// Its name, by which jobs ask for it: ASCII letters, digits, `.`, `_` and `-`, not first `.` or `-`.
+    #[schemars(length(min = 1, max = 64), extend("pattern" = PLAIN_NAME_PATTERN))]
     pub(crate) name: String,
     /// The rig: a path relative to this file, or the object itself.
     pub(crate) rig: RigSource,
     /// COR library in place of the rig's: a path relative to this file.
     #[schemars(length(min = 1, max = 4096))]
     pub(crate) library: Option<String>,
+    /// Whether the next job begins at once after one, or once a person has resumed the plate.
+    #[serde(default)]
+    pub(crate) between_jobs: BetweenJobs,
     /// Job that runs whenever the plate's queue is empty, and gives way between two cycles to any job that comes.
     pub(crate) standing_job: Option<StandingEntry>,
+}
+
+/// What a plate does after a job.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum BetweenJobs {
+    /// It takes the next job.
+    #[default]
+    GoOn,
+    /// It pauses until a person resumes it.
+    Wait,
 }
 
 /// The standing job of a plate. It begins again whenever it ends, until it fails or a person cancels it.

@@ -5,7 +5,7 @@ use super::drawings;
 use super::faults::{self, FaultList, fault_entry};
 use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PlannerChoice, TaskSection};
 use super::kinds::{KindSpec, PartGroup, each_kind};
-use super::read::{NAMES, Origin, is_plain_name, point_m};
+use super::read::{NAMES, Origin, is_name, point_m};
 use super::rig::RigSpec;
 use super::rig_file::RigSource;
 use super::task::{self, TaskSpec};
@@ -73,7 +73,7 @@ impl JobSpec {
         faults: &mut Diagnostics,
     ) -> Option<Self> {
         let root = Path::root();
-        faults.require(is_plain_name(&document.name), root.key("name"), format!("{:?}", document.name), NAMES);
+        faults.require(is_name(&document.name), root.key("name"), format!("{:?}", document.name), NAMES);
         for (i, group) in document.parts.iter().enumerate() {
             let alone = group.position_mm.is_none() || group.count == 1;
             let at = root.key("parts").index(i).key("position_mm");

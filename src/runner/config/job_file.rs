@@ -18,7 +18,7 @@ use upm_planning::cor_library::Library;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "job")]
 pub struct JobFile {
-    /// Name of the job and of its run folder: 1 to 64 letters, digits, `.`, `_` and `-`.
+    /// Name of the job and of its run folder: letters of any script, digits, `.`, `_` and `-`, not first `.` or `-`.
     #[schemars(length(min = 1, max = 64), extend("pattern" = NAME_PATTERN))]
     pub(crate) name: String,
     /// Seed of everything random.

@@ -1,4 +1,4 @@
-use super::read::{NAMES, is_plain_name};
+use super::read::{NAMES, is_name};
 use super::rig_file::RigFile;
 use upm_core::document::{Diagnostics, Path};
 use upm_core::geometry::Vec2;
@@ -59,7 +59,7 @@ pub(super) fn kinds_of(rig: &RigFile, at: &Path, faults: &mut Diagnostics) -> Ve
     let mut kinds: Vec<KindSpec> = COINS.iter().map(|&(name, d, m, h)| disc(name, d, m, h, friction)).collect();
     for (name, kind) in &rig.kinds {
         let at = at.key("kinds").key(name);
-        faults.require(is_plain_name(name), &at, format!("{name:?}"), NAMES);
+        faults.require(is_name(name), &at, format!("{name:?}"), NAMES);
         let known = COINS.iter().any(|(coin, ..)| coin == name);
         faults.require(!known, &at, format!("{name:?}"), "a name other than penny, nickel, dime, quarter");
         let side_mm = written_mm(rig.plate.side_m);

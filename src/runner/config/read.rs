@@ -40,16 +40,31 @@ impl Origin {
     }
 }
 
-/// Pattern of names that [`is_plain_name`] accepts; it does not limit their length.
-pub(super) const NAME_PATTERN: &str = "^([.]?[.]?[A-Za-z0-9_-]|[.]{3})[A-Za-z0-9._-]*$";
-
 /// Description of valid names, for messages.
-pub(super) const NAMES: &str = "1 to 64 letters, digits, `.`, `_`, `-`, other than `.` and `..`";
+pub(super) const NAMES: &str = "1 to 64 letters, digits, `.`, `_`, `-`, the first neither `.` nor `-`";
 
-/// True for names that are safe as a folder name: 1 to 64 of `A-Z a-z 0-9 . _ -`, not `.` or `..`.
+/// Pattern of valid names in schemas, which [`is_name`] follows. It bars ASCII marks, controls, spaces and invisible
+/// characters, since not every dialect of patterns knows letters of all scripts.
+pub(super) const NAME_PATTERN: &str = concat!(
+    r"^[^\u0000-/:-@\[-\^`{-\u00a0\u061c\u2000-\u206f\u3000\ufeff\ufff0-\uffff]",
+    r"[^\u0000-,/:-@\[-\^`{-\u00a0\u061c\u2000-\u206f\u3000\ufeff\ufff0-\uffff]*$"
+);
+/// The same for [`is_plain_name`].
+pub(super) const PLAIN_NAME_PATTERN: &str = "^[A-Za-z0-9_][A-Za-z0-9._-]*$";
+
+/// True for names of letters and digits of any script, `.`, `_` and `-` that are safe as a folder name.
+pub(super) fn is_name(name: &str) -> bool {
+    let is_allowed = |c: char| match c {
+        '\0'..='\u{7f}' => c.is_ascii_alphanumeric() || "._-".contains(c),
+        '\u{80}'..='\u{a0}' | '\u{61c}' | '\u{2000}'..='\u{206f}' | '\u{3000}' | '\u{feff}' => false,
+        _ => !('\u{fff0}'..='\u{ffff}').contains(&c),
+    };
+    (1..=64).contains(&name.chars().count()) && !name.starts_with(['.', '-']) && name.chars().all(is_allowed)
+}
+
+/// True for names that are safe in addresses, too: those of ASCII.
 pub fn is_plain_name(name: &str) -> bool {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
-    (1..=64).contains(&name.len()) && name.chars().all(plain) && name != "." && name != ".."
+    name.is_ascii() && is_name(name)
 }
 
 /// A point in metres.
@@ -68,4 +83,23 @@ pub(super) fn exactly_one(object: &impl Serialize, keys: &[&str], at: &Path, fau
     let given = given(object, keys);
     let found = if given.is_empty() { "none".to_owned() } else { given.join(" and ") };
     faults.require(given.len() == 1, at, found, format!("exactly one of {}", keys.join(", ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_have_letters_of_any_script_and_are_safe_as_file_names() {
+        let (many, too_many) = ("𞤀".repeat(64), "a".repeat(65));
+        for name in ["größe-1", "名前", "हिन्दी", "тест.2", "_", "7", many.as_str()] {
+            assert!(is_name(name), "{name}");
+        }
+        let bad =
+            ["", ".", "..", ".a", "-a", "a b", "a/b", "a\\b", "a:b", "a\n", "a\u{202e}b", "a\u{a0}b", "\u{feff}a"];
+        for name in bad.into_iter().chain([too_many.as_str()]) {
+            assert!(!is_name(name), "{name:?}");
+        }
+        assert!(is_plain_name("plate.1-a_B") && !is_plain_name("größe"));
+    }
 }

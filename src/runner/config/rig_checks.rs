@@ -1,4 +1,4 @@
-use super::read::{NAMES, is_plain_name};
+use super::read::{NAMES, is_name};
 use super::rig_file::RigFile;
 use super::view;
 use upm_core::document::{Diagnostics, Path};
@@ -14,7 +14,7 @@ const SIDE_RATIO: f64 = 1.35;
 
 /// Consistency checks between the numbers of a rig, beyond the range of each.
 pub(super) fn check(rig: &RigFile, sim: &SimParams, at: &Path, faults: &mut Diagnostics) {
-    faults.require(is_plain_name(&rig.name), at.key("name"), format!("{:?}", rig.name), NAMES);
+    faults.require(is_name(&rig.name), at.key("name"), format!("{:?}", rig.name), NAMES);
     check_plate(rig, at, faults);
     check_motors(rig, at, faults);
     check_drive(rig, at, faults);

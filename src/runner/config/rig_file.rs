@@ -14,7 +14,7 @@ use upm_sim::{AccelerometerParams, CameraParams, MotorParams, PlateParams};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "rig")]
 pub struct RigFile {
-    /// Name of the rig, for reports and libraries: letters, digits, `.`, `_` and `-`.
+    /// Name of the rig, for reports and libraries: letters, digits, `.`, `_` and `-`, not first `.` or `-`.
     #[schemars(length(min = 1, max = 64), extend("pattern" = NAME_PATTERN))]
     pub name: String,
     /// The moving plate.
@@ -33,9 +33,9 @@ pub struct RigFile {
     /// Friction and impacts. Only the simulated rig knows these.
     #[serde(default)]
     pub friction: FrictionSection,
-    /// Kinds of part besides penny, nickel, dime and quarter, by name.
+    /// Kinds of part besides penny, nickel, dime and quarter, by name, which is as the rig's.
     #[serde(default)]
-    #[schemars(extend("propertyNames" = {"pattern": NAME_PATTERN, "maxLength": 64}))]
+    #[schemars(extend("propertyNames" = {"minLength": 1, "maxLength": 64, "pattern": NAME_PATTERN}))]
     pub(crate) kinds: BTreeMap<String, KindEntry>,
     /// The simulation itself.
     #[serde(default)]

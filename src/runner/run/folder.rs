@@ -34,7 +34,9 @@ pub(super) const REPORT_FILE: &str = "report.json";
 impl RunFolder {
     /// Creates `OUT/<name>-<seed>-<utc>/`, with a number appended if that exists.
     pub fn create(out: &Path, job: &JobSpec, started_utc: &str) -> Result<Self, RunError> {
-        let plain = format!("{}-{}-{started_utc}", job.name, job.seed());
+        // 64 letters may have 256 bytes, more than the name of a folder
+        let name = &job.name[..job.name.floor_char_boundary(200)];
+        let plain = format!("{name}-{}-{started_utc}", job.seed());
         let failed = |path: &Path, reason: String| RunError::Write { path: path.display().to_string(), reason };
         fs::create_dir_all(out).map_err(|error| failed(out, reason(&error)))?;
         for number in 1..MOST_NAMESAKES {

@@ -20,7 +20,7 @@ use tokio::time::sleep;
 use super::extract::{ApiState, one_word};
 use super::jobs::JobPath;
 use super::state::DaemonState;
-use crate::http::Problem;
+use crate::http::{Problem, Scope};
 use crate::states::JobState;
 use crate::store::open_run_file;
 
@@ -43,7 +43,7 @@ const CHUNK_BYTES: u64 = 256 << 10;
 const LONGEST_LINE: u64 = 8 << 20;
 
 /// Streams a job's events: its state, the journal from the byte on that the client names, its end. Ends with the job,
-/// with the daemon, or with the client.
+/// with its token, with the daemon, or with the client.
 pub(super) async fn watch(
     State(api): ApiState,
     Path(JobPath { id }): Path<JobPath>,
@@ -54,7 +54,7 @@ pub(super) async fn watch(
     let permit = api.event_streams.clone().try_acquire_owned().map_err(full)?;
     // an unknown job is refused before the stream begins
     api.on_job(&id, |daemon, id| daemon.row(&id)).await?;
-    let watcher = JobWatcher { api, id, after, journal: None, state: None, end: None, is_over: false, permit };
+    let watcher = JobWatcher { api, id, headers, after, journal: None, state: None, end: None, is_over: false, permit };
     let events = stream::unfold(watcher, |mut watcher| async {
         let event = watcher.next().await?;
         Some((Ok::<_, Infallible>(event), watcher))
@@ -75,6 +75,8 @@ fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
 struct JobWatcher {
     api: Arc<DaemonState>,
     id: String,
+    /// Headers of the request, whose token must hold for as long as the stream lasts.
+    headers: HeaderMap,
     /// Offset from which the client wants the journal; `None` for its present end.
     after: Option<u64>,
     journal: Option<Journal>,
@@ -92,6 +94,7 @@ impl JobWatcher {
     /// on after the last line it has.
     async fn next(&mut self) -> Option<Event> {
         loop {
+            self.api.tokens.admit(&self.headers, Scope::Read).ok()?;
             if let Some(journal) = &mut self.journal
                 && let Some(line) = journal.line().await?
             {

@@ -43,11 +43,8 @@ impl<T: DeserializeOwned + JsonSchema + 'static, S: Send + Sync> FromRequestPart
         let members = pairs.iter().map(|(name, text)| {
             let is_number = schema.pointer(&format!("/properties/{name}/type")).is_some_and(|of| of == "integer");
             let number = text.parse::<u64>().ok().filter(|_| is_number);
-            format!(
-                "{}: {}",
-                Value::from(name.as_str()),
-                number.map_or_else(|| Value::from(text.as_str()), Value::from)
-            )
+            let value = number.map_or_else(|| Value::from(text.as_str()), Value::from);
+            format!("{}: {value}", Value::from(name.as_str()))
         });
         let object = format!("{{{}}}", members.collect::<Vec<_>>().join(", "));
         parse(&object, "query").map(Self).map_err(|faults| Problem::of_faults(StatusCode::BAD_REQUEST, faults))

@@ -62,11 +62,12 @@ pub(super) async fn recording(State(api): ApiState, Path(job): Path<JobPath>) ->
     });
     let ((file, bytes), name) = opened.await?;
     let chunks = ReaderStream::with_capacity(tokio::fs::File::from_std(file).take(bytes), CHUNK_BYTES);
-    let name = Some(name.as_str()).filter(|name| is_plain_name(name)).unwrap_or("run");
+    let coded = || name.bytes().map(|byte| format!("%{byte:02X}")).collect::<String>();
+    let named = if is_plain_name(&name) { format!("=\"{name}.rrd\"") } else { format!("*=UTF-8''{}.rrd", coded()) };
     let headers = [
         (CONTENT_TYPE, RRD.to_owned()),
         (CONTENT_LENGTH, bytes.to_string()),
-        (CONTENT_DISPOSITION, format!("attachment; filename=\"{name}.rrd\"")),
+        (CONTENT_DISPOSITION, format!("attachment; filename{named}")),
     ];
     Ok((headers, Body::from_stream(chunks)).into_response())
 }

@@ -85,7 +85,7 @@ pub(super) async fn submit(
         daemon.submit(&body.text, query.pace, key, is_awaited)
     };
     let (job, is_replayed) = api.blocking(submit).await?;
-    let location = [(LOCATION, format!("/v1/jobs/{}", job.id))];
+    let location = [(LOCATION, format!("{}/v1/jobs/{}", api.spec.base_path, job.id))];
     let replayed = is_replayed.then_some([(IDEMPOTENCY_REPLAYED, "true")]);
     Ok((StatusCode::CREATED, location, replayed, Json(job)).into_response())
 }

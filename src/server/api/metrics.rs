@@ -95,14 +95,15 @@ fn of_plates(scrape: &mut Scrape, plates: &[Plate]) {
     scrape.counter("estops", "Emergency stops", plates, |plate| plate.estops);
     scrape.gauge("frame_age", "Time since the newest camera frame", Some(Unit::Seconds), each(|plate| plate.age_s));
     let ratio = Some(Unit::Other("ratio".to_owned()));
-    scrape.gauge(
-        "job_progress",
-        "Share of the running job that is done",
-        ratio,
-        each(|plate| plate.job.as_ref().map(|_| plate.progress)),
-    );
+    let progress = each(|plate| plate.job.as_ref().map(|_| plate.progress));
+    scrape.gauge("job_progress", "Share of the running job that is done", ratio, progress);
     let recording = plates.iter().flat_map(|plate| {
-        let now = recording_state(plate.recording.as_ref());
+        let now = match plate.recording {
+            None | Some(RecordingState::Off) => "off",
+            Some(RecordingState::Writing { .. }) => "writing",
+            Some(RecordingState::Failed(_)) => "failed",
+            Some(RecordingState::Whole) => "whole",
+        };
         one_of(plate, ["off", "writing", "failed", "whole"].map(|state| (state, state == now)))
     });
     let help = "State of the job's recording: 1 for the current state, 0 for the others";
@@ -141,13 +142,4 @@ fn of_plate(plate: &Plate) -> Labels {
 /// One sample for each state: 1 for the current state, 0 for the others.
 fn one_of<const N: usize>(plate: &Plate, states: [(&'static str, bool); N]) -> [(Labels, f64); N] {
     states.map(|(state, is)| (vec![("plate", plate.name.clone()), ("state", state.to_owned())], flag(is)))
-}
-
-fn recording_state(state: Option<&RecordingState>) -> &'static str {
-    match state {
-        None | Some(RecordingState::Off) => "off",
-        Some(RecordingState::Writing { .. }) => "writing",
-        Some(RecordingState::Failed(_)) => "failed",
-        Some(RecordingState::Whole) => "whole",
-    }
 }

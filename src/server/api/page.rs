@@ -8,8 +8,7 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use include_dir::{Dir, include_dir};
-use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::extract::ApiState;
@@ -72,29 +71,18 @@ fn media_of(name: &str) -> &'static str {
     }
 }
 
-/// A shipped job in the form in which clients submit it.
-#[derive(Debug, Serialize)]
-struct Example {
-    name: String,
-    /// Task and number of parts, as text.
-    what: String,
-    /// Name of the rig that it was made for, which the rig's file states.
-    rig: String,
-    /// The file with its layout kept and without the members that name other files.
-    text: String,
-}
-
-/// The shipped jobs, except those for a rig that is knocked: without the knocks they have nothing to do.
-fn examples() -> Vec<Example> {
+/// The shipped jobs in the form in which clients submit them, except those for a rig that is knocked: without the
+/// knocks they have nothing to do. `what` is the task and the number of parts, `rig` the name in the rig's file, and
+/// `text` the file with its layout kept and without the members that name other files.
+fn examples() -> Vec<Value> {
     let example = |file: &include_dir::File<'_>| {
         let text = file.contents_utf8()?;
         let job: Value = serde_json::from_str(text).ok()?;
-        let what = what(&job)?;
         let rig: Value = serde_json::from_slice(CONFIGS.get_file(job.get("rig")?.as_str()?)?.contents()).ok()?;
         let is_knocked = rig.pointer("/simulation/knocks").is_some();
-        let rig = rig.get("name")?.as_str()?.to_owned();
-        let name = file.path().file_stem()?.to_str()?.to_owned();
-        (!is_knocked).then(|| Example { name, what, rig, text: without_files(text) })
+        let name = file.path().file_stem()?.to_str()?;
+        let example = json!({"name": name, "what": what(&job)?, "rig": rig.get("name")?, "text": without_files(text)});
+        (!is_knocked).then_some(example)
     };
     CONFIGS.files().filter_map(example).collect()
 }
@@ -123,7 +111,7 @@ mod tests {
     #[test]
     fn files_of_the_page_name_only_files_of_the_page() {
         let of_a_script = |line: &'static str| line.split_once("from './")?.1.split_once('\'').map(|(name, _)| name);
-        let of_a_page = |line: &'static str| line.split_once("\"/assets/")?.1.split_once('"').map(|(name, _)| name);
+        let of_a_page = |line: &'static str| line.split_once("\"assets/")?.1.split_once('"').map(|(name, _)| name);
         for file in FILES.files() {
             let (name, text) = (file.path().display(), file.contents_utf8().unwrap());
             for named in text.lines().filter_map(|line| of_a_script(line).or_else(|| of_a_page(line))) {
@@ -142,15 +130,16 @@ mod tests {
         let jobs = CONFIGS.files().filter(is_job).map(|file| file.path().file_stem().unwrap().to_str().unwrap());
         let examples = examples();
         let not_offered: Vec<&str> =
-            jobs.filter(|name| !examples.iter().any(|example| example.name == *name)).collect();
+            jobs.filter(|name| !examples.iter().any(|example| example["name"] == *name)).collect();
         assert_eq!(not_offered, ["hold-4"], "on a plate that is not knocked it has nothing to do");
         for example in &examples {
-            let rig = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/rigs").join(&example.rig);
+            let rig = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/rigs");
+            let rig = rig.join(example["rig"].as_str().unwrap());
             let rig = RigSpec::load(&rig.with_extension("json")).unwrap();
-            let made = JobSpec::from_json(&example.text, &Origin::of_request("job"), Some(&rig));
-            assert_eq!(made.err(), None, "{}", example.name);
+            let made = JobSpec::from_json(example["text"].as_str().unwrap(), &Origin::of_request("job"), Some(&rig));
+            assert_eq!(made.err(), None, "{}", example["name"]);
         }
-        let of = |name| examples.iter().find(|example| example.name == name).map(|example| example.what.as_str());
+        let of = |name: &str| examples.iter().find(|example| example["name"] == name)?["what"].as_str();
         assert_eq!(of("sort-12"), Some("sort, 12 parts, cor_sequence"));
         assert_eq!(of("plus-sign"), Some("plus sign, 1 part"));
         assert_eq!(of("sort-8-fields"), Some("sort, 8 parts, synthesized_field"));

@@ -21,9 +21,6 @@ use upm_runner::config::DaemonSpec;
 /// Most event streams at once.
 pub(crate) const EVENT_STREAMS: usize = 256;
 
-/// Stops that the API confirms at once.
-const CONFIRMED_AT_ONCE: usize = 2;
-
 /// State that all handlers share.
 #[derive(Debug)]
 pub(crate) struct DaemonState {
@@ -89,7 +86,7 @@ impl DaemonState {
             clock,
             ending: CancellationToken::new(),
             counted,
-            confirmations: Confirmations::start("stops", CONFIRMED_AT_ONCE)?,
+            confirmations: Confirmations::start()?,
             places: Arc::new(Semaphore::new(BLOCKING_THREADS - 2)),
             event_streams: Arc::new(Semaphore::new(EVENT_STREAMS)),
             version,

@@ -1,5 +1,6 @@
 use std::fs;
-use std::path::Path;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use rustix::fs::{Access, Mode, access};
@@ -33,7 +34,8 @@ pub fn keep_files_private() {
 pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
     let mut faults = Vec::new();
     let tokens = tokens_of(spec, &mut faults);
-    let libraries = spec.plates.iter().filter_map(|plate| taken(library_of(plate), &mut faults)).collect();
+    let taken = |plate: &PlateSpec| library_of(plate).map_err(|found| faults.extend(found)).ok();
+    let libraries = spec.plates.iter().filter_map(taken).collect();
     if tokens.is_empty() && faults.is_empty() {
         let allowed =
             "an address of this machine alone, as 127.0.0.1:8750, or a `token_file`: others can reach this one";
@@ -47,6 +49,10 @@ pub fn prepare(spec: &DaemonSpec) -> Result<Prepared, Vec<Diagnostic>> {
     if !faults.is_empty() {
         return Err(faults);
     }
+    let is_open = |file: &&PathBuf| fs::metadata(file).is_ok_and(|meta| meta.permissions().mode() & 0o077 != 0);
+    for file in spec.token_file.iter().chain(&spec.read_token_file).filter(is_open) {
+        tracing::warn!("{}: others on this machine may read this token", file.display());
+    }
     if spec.token_file.is_none() && spec.read_token_file.is_some() {
         tracing::warn!("`read_token_file` alone lets no client submit, cancel, reset or resume; add a `token_file`");
     }
@@ -57,8 +63,17 @@ fn fault(spec: &DaemonSpec, path: &str, found: String, allowed: &str) -> Diagnos
     Diagnostic::new(&spec.file, path, found, allowed)
 }
 
-fn taken<T>(made: Result<T, Vec<Diagnostic>>, faults: &mut Vec<Diagnostic>) -> Option<T> {
-    made.map_err(|found| faults.extend(found)).ok()
+/// Takes changed tokens from the files that `spec` names; while one is faulty, those before hold. Returns the faults,
+/// which are logged unless they were there `before`.
+pub(super) fn renew_tokens(spec: &DaemonSpec, tokens: &Tokens, before: &[Diagnostic]) -> Vec<Diagnostic> {
+    let mut faults = Vec::new();
+    let read = tokens_of(spec, &mut faults);
+    if faults.is_empty() && tokens.replace(read) {
+        tracing::warn!("tokens have changed: those before hold no longer");
+    }
+    let new = faults.iter().filter(|fault| !before.contains(fault));
+    new.for_each(|fault| tracing::error!("the tokens before hold: {fault}"));
+    faults
 }
 
 /// The tokens in the files that `spec` names; their faults are added to `faults`.
@@ -82,13 +97,6 @@ fn secret_in(file: &Path) -> Result<String, String> {
     let meta = fs::metadata(file).map_err(|error| reason(&error))?;
     if !meta.is_file() || meta.len() > LONGEST_TOKEN_FILE {
         return Err("no plain file, or too large".to_owned());
-    }
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        if meta.permissions().mode() & 0o077 != 0 {
-            tracing::warn!("{}: others on this machine may read this token", file.display());
-        }
     }
     let text = fs::read_to_string(file).map_err(|error| reason(&error))?;
     Ok(text.trim_end().to_owned())
@@ -114,10 +122,32 @@ fn data_fault(spec: &DaemonSpec) -> Option<Diagnostic> {
 
 #[cfg(test)]
 mod tests {
+    use axum::http::header::AUTHORIZATION;
+    use axum::http::{HeaderMap, HeaderValue};
+
     use super::*;
 
     fn shipped() -> DaemonSpec {
         DaemonSpec::load(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/daemon.json")).unwrap()
+    }
+
+    #[test]
+    fn changed_token_holds_once_it_is_valid() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, mut spec) = (folder.path().join("token"), shipped());
+        spec.token_file = Some(file.clone());
+        fs::write(&file, "a".repeat(32)).unwrap();
+        let tokens = tokens_of(&spec, &mut Vec::new());
+        let admits = |letter: &str| {
+            let bearer: HeaderValue = format!("Bearer {}", letter.repeat(32)).parse().unwrap();
+            tokens.admit(&HeaderMap::from_iter([(AUTHORIZATION, bearer)]), Scope::Operate).is_ok()
+        };
+        fs::write(&file, "b").unwrap();
+        let faults = renew_tokens(&spec, &tokens, &[]);
+        assert_eq!((faults.len(), admits("a"), admits("b")), (1, true, false));
+        fs::write(&file, "b".repeat(32)).unwrap();
+        assert!(renew_tokens(&spec, &tokens, &faults).is_empty());
+        assert_eq!((admits("a"), admits("b")), (false, true));
     }
 
     #[test]

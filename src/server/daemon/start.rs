@@ -9,7 +9,7 @@ use jiff::Timestamp;
 use sd_notify::{NotifyState, notify, watchdog_enabled};
 
 use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
-use super::prepare::Prepared;
+use super::prepare::{Prepared, renew_tokens};
 use crate::api::{DaemonState, app, liveness_failures};
 use crate::http::{AllowedHosts, Caller, STOP_PATH, joined, serve, serve_stops};
 use crate::store::{JobState, RecoveryReport, Store, StoreFault, StoreLimits};
@@ -114,7 +114,10 @@ impl Daemon {
     /// do; motors go to zero first. The service manager is notified when the daemon is ready, alive and shutting down.
     pub fn serve(mut self, stop: &Receiver<()>) -> ExitReport {
         let (state, estop_socket) = (Arc::clone(&self.state), self.estop_socket.take());
-        let answering = self.answer();
+        // on another thread until the daemon ends
+        let (app, ending) = (app(Arc::clone(&state)), state.ending.clone());
+        let answering =
+            thread::spawn(move || serve(self.listener, app, &ending, REQUESTS_WITHIN, lower_thread_priority));
         if let Err(error) = start_counting(&state) {
             tracing::error!("jobs are not counted: {error}");
         }
@@ -125,12 +128,6 @@ impl Daemon {
         }
         while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {}
         end(&state, answering, estop_socket)
-    }
-
-    /// Serves HTTP on another thread until the daemon ends.
-    fn answer(self) -> JoinHandle<io::Result<usize>> {
-        let (app, ending) = (app(Arc::clone(&self.state)), self.state.ending.clone());
-        thread::spawn(move || serve(self.listener, app, &ending, REQUESTS_WITHIN, lower_thread_priority))
     }
 }
 
@@ -151,16 +148,19 @@ fn log_recovery(recovery: &RecoveryReport, store: &Store, spec: &DaemonSpec) {
     }
 }
 
-/// Starts the thread that counts jobs and free space until the daemon ends. A disk that hangs holds this thread alone.
+/// Starts the thread that counts jobs and free space and renews tokens until the daemon ends. A disk that hangs holds
+/// this thread alone.
 fn start_counting(state: &Arc<DaemonState>) -> io::Result<()> {
     let state = Arc::clone(state);
     let count = move || {
         lower_thread_priority();
+        let mut faults = Vec::new();
         for tick in 0_u64.. {
             if state.ending.is_cancelled() {
                 break;
             }
             state.count(tick.is_multiple_of(TICKS_A_COUNT));
+            faults = renew_tokens(&state.spec, &state.tokens, &faults);
             thread::sleep(TICK);
         }
     };

@@ -78,7 +78,7 @@ async fn identify(request: Request, next: Next) -> Response {
 
 /// True for answers that are logged as warnings. Failed health probes are not, since they come every few seconds.
 fn is_alarming(path: &str, status: u16) -> bool {
-    let is_probe = path == "/healthz" || path == "/readyz";
+    let is_probe = path.ends_with("/healthz") || path.ends_with("/readyz");
     status >= 500 && !(is_probe && status == 503)
 }
 

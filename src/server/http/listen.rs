@@ -57,50 +57,43 @@ pub fn serve(
         .on_thread_start(on_thread_start)
         .enable_all()
         .build()?;
-    let served = runtime.block_on(serve_until_stopped(listener, app, stop, ending));
+    let served = runtime.block_on(async {
+        listener.set_nonblocking(true)?;
+        let listener = TcpListener::from_std(listener)?;
+        let (places, open) = (Arc::new(Semaphore::new(CONNECTIONS)), GracefulShutdown::new());
+        let mut builder = http1::Builder::new();
+        builder.timer(TokioTimer::new()).header_read_timeout(HEADER_TIME);
+        builder.max_buf_size(HEADER_BYTES).max_headers(HEADER_LINES);
+        loop {
+            let accepted = tokio::select! {
+                () = stop.cancelled() => break,
+                accepted = accept(&listener, &places) => accepted,
+            };
+            let (stream, peer, place) = match accepted {
+                Ok(accepted) => accepted,
+                Err(error) => {
+                    tracing::warn!(%error, "cannot accept a connection");
+                    sleep(NO_ROOM_PAUSE).await;
+                    continue;
+                }
+            };
+            let _ = stream.set_nodelay(true);
+            let _ = SockRef::from(&stream).set_tcp_user_timeout(Some(STALLED_TIME));
+            let service = TowerToHyperService::new(app.clone().layer(Extension(Peer(peer))));
+            let connection = open.watch(builder.serve_connection(TokioIo::new(stream), service));
+            tokio::spawn(async move {
+                if let Err(error) = connection.await {
+                    tracing::debug!(%peer, %error, "connection");
+                }
+                drop(place);
+            });
+        }
+        drop(listener);
+        let ended = timeout(ending, open.shutdown()).await;
+        Ok::<_, io::Error>(ended.map_or(CONNECTIONS - places.available_permits(), |()| 0))
+    });
     runtime.shutdown_background();
     served
-}
-
-async fn serve_until_stopped(
-    listener: std::net::TcpListener,
-    app: Router,
-    stop: &CancellationToken,
-    ending: Duration,
-) -> io::Result<usize> {
-    listener.set_nonblocking(true)?;
-    let listener = TcpListener::from_std(listener)?;
-    let (places, open) = (Arc::new(Semaphore::new(CONNECTIONS)), GracefulShutdown::new());
-    let mut builder = http1::Builder::new();
-    builder.timer(TokioTimer::new()).header_read_timeout(HEADER_TIME);
-    builder.max_buf_size(HEADER_BYTES).max_headers(HEADER_LINES);
-    loop {
-        let accepted = tokio::select! {
-            () = stop.cancelled() => break,
-            accepted = accept(&listener, &places) => accepted,
-        };
-        let (stream, peer, place) = match accepted {
-            Ok(accepted) => accepted,
-            Err(error) => {
-                tracing::warn!(%error, "cannot accept a connection");
-                sleep(NO_ROOM_PAUSE).await;
-                continue;
-            }
-        };
-        let _ = stream.set_nodelay(true);
-        let _ = SockRef::from(&stream).set_tcp_user_timeout(Some(STALLED_TIME));
-        let service = TowerToHyperService::new(app.clone().layer(Extension(Peer(peer))));
-        let connection = open.watch(builder.serve_connection(TokioIo::new(stream), service));
-        tokio::spawn(async move {
-            if let Err(error) = connection.await {
-                tracing::debug!(%peer, %error, "connection");
-            }
-            drop(place);
-        });
-    }
-    drop(listener);
-    let ended = timeout(ending, open.shutdown()).await;
-    Ok(ended.map_or(CONNECTIONS - places.available_permits(), |()| 0))
 }
 
 /// The next connection, once there is a place for it. Until then it waits in the kernel's queue.

@@ -96,7 +96,7 @@ impl AllowedHosts {
         let own = headers.get_all(&SEC_FETCH_SITE).iter().all(|value| value == "same-origin" || value == "none");
         let page = self.page_port.is_some() && headers.contains_key(ORIGIN);
         let link = request.method() == Method::GET
-            && request.uri().path() == "/"
+            && request.uri().path().ends_with('/')
             && is(&SEC_FETCH_MODE, "navigate")
             && is(&SEC_FETCH_DEST, "document");
         if own || page || link {

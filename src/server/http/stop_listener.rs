@@ -22,7 +22,7 @@ use upm_core::background::{OverflowPolicy, Queue};
 /// The only path of the listener for emergency stops.
 pub const STOP_PATH: &str = "/v1/estop";
 
-/// Requests whose stops are confirmed at once.
+/// Stops that are confirmed at once.
 const CONFIRMED_AT_ONCE: usize = 2;
 
 /// Serves `POST /v1/estop` on `listener` until the process ends, on threads that share nothing with the API's server
@@ -35,7 +35,7 @@ pub fn serve_stops<T: Serialize + Send + 'static>(
     stop: impl Fn() + Send + Sync + 'static,
     confirm: impl Fn(&Caller) -> T + Send + Sync + 'static,
 ) -> io::Result<()> {
-    let both = Arc::new((stop, confirm, Confirmations::start("stops", CONFIRMED_AT_ONCE)?));
+    let both = Arc::new((stop, confirm, Confirmations::start()?));
     let handler = async move |Extension(Peer(remote)): Extension<Peer>, headers: HeaderMap| {
         let name = tokens.admit(&headers, Scope::Read)?;
         both.0();
@@ -59,13 +59,13 @@ const WAITING: usize = 512;
 pub struct Confirmations(Queue<Box<dyn FnOnce() + Send>>);
 
 impl Confirmations {
-    /// Starts `threads` threads with this name, which end when this value is dropped.
-    pub fn start(name: &str, threads: usize) -> io::Result<Self> {
+    /// Starts the threads, which end when this value is dropped.
+    pub fn start() -> io::Result<Self> {
         let (queue, waiting) = Queue::<Box<dyn FnOnce() + Send>>::bounded(WAITING, OverflowPolicy::GiveUp);
-        for _ in 0..threads {
+        for _ in 0..CONFIRMED_AT_ONCE {
             let waiting = waiting.clone();
             let confirm = move || waiting.iter().for_each(|confirmation| confirmation());
-            thread::Builder::new().name(name.to_owned()).spawn(confirm)?;
+            thread::Builder::new().name("stops".into()).spawn(confirm)?;
         }
         Ok(Self(queue))
     }

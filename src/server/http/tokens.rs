@@ -2,6 +2,7 @@ use std::fmt;
 
 use axum::http::header::{AUTHORIZATION, WWW_AUTHENTICATE};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
+use parking_lot::RwLock;
 use sha2::{Digest, Sha256};
 use subtle::ConstantTimeEq;
 
@@ -31,6 +32,7 @@ pub struct Caller {
     pub remote: Option<std::net::SocketAddr>,
 }
 
+#[derive(PartialEq)]
 struct Token {
     digest: [u8; 32],
     scope: Scope,
@@ -40,11 +42,11 @@ struct Token {
 /// The accepted bearer tokens. Without any, every client that can connect may do everything, so this is for loopback
 /// alone.
 #[derive(Default)]
-pub struct Tokens(Vec<Token>);
+pub struct Tokens(RwLock<Vec<Token>>);
 
 impl fmt::Debug for Tokens {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_list().entries(self.0.iter().map(|token| (&token.name, token.scope))).finish()
+        f.debug_list().entries(self.0.read().iter().map(|token| (&token.name, token.scope))).finish()
     }
 }
 
@@ -57,13 +59,23 @@ impl Tokens {
                 secret.len()
             ));
         }
-        self.0.push(Token { digest: Sha256::digest(secret).into(), scope, name: name.to_owned() });
+        self.0.get_mut().push(Token { digest: Sha256::digest(secret).into(), scope, name: name.to_owned() });
         Ok(())
     }
 
     /// True when no token is required.
     pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.0.read().is_empty()
+    }
+
+    /// Accepts the tokens of `new` alone from now on; true if they differ from those before.
+    pub(crate) fn replace(&self, new: Self) -> bool {
+        let new = new.0.into_inner();
+        let differs = *self.0.read() != new;
+        if differs {
+            *self.0.write() = new;
+        }
+        differs
     }
 
     /// The caller's name, if its token grants `needed`.
@@ -78,7 +90,8 @@ impl Tokens {
             bearer(headers).ok_or_else(|| refused(StatusCode::UNAUTHORIZED, "send `Authorization: Bearer TOKEN`"))?;
         let digest: [u8; 32] = Sha256::digest(secret).into();
         // digests are compared in constant time: how long it takes tells nothing of a token
-        let token = self.0.iter().find(|token| token.digest.ct_eq(&digest).into());
+        let tokens = self.0.read();
+        let token = tokens.iter().find(|token| token.digest.ct_eq(&digest).into());
         let unknown = || refused(StatusCode::UNAUTHORIZED, "the token is not one of this daemon's");
         let token = token.ok_or_else(unknown)?;
         if token.scope < needed {

@@ -1,6 +1,6 @@
 use jiff::Timestamp;
 use rusqlite::types::{FromSql, FromSqlError, FromSqlResult, ToSql, ToSqlOutput, ValueRef};
-use rusqlite::{Connection, Error, ErrorCode, Params, Row};
+use rusqlite::{Connection, Error, ErrorCode, Params, Row, ffi};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -53,16 +53,13 @@ impl From<rusqlite::Error> for StoreFault {
     fn from(error: rusqlite::Error) -> Self {
         use Error::{FromSqlConversionFailure, IntegralValueOutOfRange, InvalidColumnType, SqliteFailure};
         match &error {
-            SqliteFailure(code, _) => match code.code {
-                ErrorCode::DiskFull => Self::Full,
-                // the index of the log could not grow
-                _ if code.extended_code == rusqlite::ffi::SQLITE_IOERR_SHMSIZE => Self::Full,
-                ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase => Self::Corrupt(error.to_string()),
-                _ => Self::Io(error.to_string()),
-            },
-            FromSqlConversionFailure(..) | IntegralValueOutOfRange(..) | InvalidColumnType(..) => {
-                Self::Corrupt(error.to_string())
-            }
+            SqliteFailure(ffi::Error { code: ErrorCode::DiskFull, .. }, _) => Self::Full,
+            // the index of the log could not grow
+            SqliteFailure(code, _) if code.extended_code == ffi::SQLITE_IOERR_SHMSIZE => Self::Full,
+            SqliteFailure(ffi::Error { code: ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase, .. }, _)
+            | FromSqlConversionFailure(..)
+            | IntegralValueOutOfRange(..)
+            | InvalidColumnType(..) => Self::Corrupt(error.to_string()),
             _ => Self::Io(error.to_string()),
         }
     }

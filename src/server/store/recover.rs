@@ -1,7 +1,7 @@
 use std::fs;
 use std::path::Path;
 
-use rusqlite::Connection;
+use rusqlite::Row;
 use serde_json::Value;
 
 use super::columns::{Json, rows};
@@ -26,7 +26,8 @@ impl Store {
                 let list = if ended.state == JobState::Interrupted { &mut found.interrupted } else { &mut found.ended };
                 list.push(ended.id);
             }
-            let before = pauses(tx)?;
+            let of_row = |row: &Row<'_>| Ok((row.get(0)?, row.get::<_, Option<Json<_>>>(1)?.map(|pause| pause.0)));
+            let before: Vec<(String, Option<PauseCause>)> = rows(tx, "SELECT name, pause FROM plates", [], of_row)?;
             let waiting: Vec<String> =
                 rows(tx, "SELECT DISTINCT plate FROM jobs WHERE state = 'queued'", [], |row| row.get(0))?;
             for plate in plates {
@@ -49,12 +50,6 @@ impl Store {
             Ok(found)
         })
     }
-}
-
-/// Plates of earlier starts, each with the cause of its pause.
-fn pauses(tx: &Connection) -> rusqlite::Result<Vec<(String, Option<PauseCause>)>> {
-    let of_row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get::<_, Option<Json<_>>>(1)?.map(|pause| pause.0)));
-    rows(tx, "SELECT name, pause FROM plates", [], of_row)
 }
 
 /// The end of a job that was running: as in its report, if the run wrote one. A run without a report did not close its

@@ -77,7 +77,8 @@ impl Deref for JobRow {
 impl JobRow {
     /// Name of the run folder that this job gets when it begins, unique to the job.
     pub fn run_folder(&self) -> String {
-        format!("{}-{}", self.name, self.id)
+        // 64 letters may have 256 bytes, more than the name of a folder
+        format!("{}-{}", &self.name[..self.name.floor_char_boundary(200)], self.id)
     }
 }
 

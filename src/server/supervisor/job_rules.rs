@@ -1,6 +1,6 @@
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use parking_lot::Mutex;
 
@@ -95,11 +95,6 @@ impl Standing {
         let was_held = held.is_some();
         *held = why;
         was_held != held.is_some()
-    }
-
-    /// Ends its run between two cycles.
-    pub fn give_way(&self) {
-        self.give_way.store(true, Ordering::SeqCst);
     }
 
     /// The state of the standing job now, on the plate or not.

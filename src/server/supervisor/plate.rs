@@ -276,7 +276,7 @@ impl PlateHandle {
     /// Notifies the plate of a queued job: its standing job gives way.
     pub fn job_queued(&self) {
         if let Some(standing) = &self.standing {
-            standing.give_way();
+            standing.give_way.store(true, Ordering::SeqCst);
         }
         self.wake();
     }

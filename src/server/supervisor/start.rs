@@ -158,7 +158,8 @@ fn start_plate(
         name,
     });
     let rerun = daemon.rerun.clone().unwrap_or(USUAL_MODE);
-    let worker = PlateWorker { shared: Arc::clone(&plate), rerun, min_free_bytes: daemon.min_free_bytes };
+    let (shared, min_free_bytes) = (Arc::clone(&plate), daemon.min_free_bytes);
+    let worker = PlateWorker { shared, rerun, min_free_bytes, waits_after_jobs: spec.waits_after_jobs };
     let thread = thread::Builder::new().name(format!("plate-{}", plate.name));
     let worker = thread.spawn(move || worker.work())?;
     plate.worker.get_or_init(|| worker);

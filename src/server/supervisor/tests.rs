@@ -33,6 +33,7 @@ struct TestPlates {
     store: Arc<Store>,
     standing: Option<StandingSpec>,
     allow_faults: bool,
+    waits_after_jobs: bool,
 }
 
 impl TestPlates {
@@ -40,7 +41,7 @@ impl TestPlates {
         let folder = tempfile::tempdir().unwrap();
         let limits = crate::store::tests::limits();
         let store = Store::open(folder.path(), &[], limits, jiff::Timestamp::now).unwrap().0;
-        Self { folder, store: Arc::new(store), standing: None, allow_faults: false }
+        Self { folder, store: Arc::new(store), standing: None, allow_faults: false, waits_after_jobs: false }
     }
 
     fn open(&self, paused: Option<&str>) -> PlateSupervisor {
@@ -53,6 +54,7 @@ impl TestPlates {
             rig: shipped().plates.swap_remove(1).rig,
             library: Default::default(),
             library_key: String::new(),
+            waits_after_jobs: self.waits_after_jobs,
             standing: self.standing.clone(),
         };
         let paused = paused.map(|why| (spec.name.clone(), PauseCause::new("test", why, "none")));
@@ -162,6 +164,23 @@ fn job_runs_to_its_end_and_leaves_its_files() {
     assert_eq!((positions_mm.len(), targets_mm.len(), progress, phase.as_str()), (2, 0, 0.0, ""), "the job is over");
     assert_eq!(plates.alive(), Ok(()));
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
+}
+
+#[test]
+fn a_plate_that_waits_between_jobs_runs_one_for_each_resume() {
+    let test_plates = TestPlates { waits_after_jobs: true, ..TestPlates::new() };
+    let plates = test_plates.open(None);
+    let plate = plates.get("one").unwrap();
+    let jobs = [(); 2].map(|()| test_plates.submit(plate, TWO_COINS, Pace::Max));
+    for (id, queued) in [(&jobs[0], JobState::Queued), (&jobs[1], JobState::Completed)] {
+        assert_eq!(test_plates.ended(id).state, JobState::Completed);
+        idles(plate);
+        let Plate { state, pause, .. } = plate.snapshot();
+        assert_eq!((state, pause.unwrap().code.as_str()), (PlateState::Paused, "between_jobs"));
+        assert_eq!(test_plates.row(&jobs[1]).state, queued);
+        assert!(plate.resume(caller("ann")));
+    }
+    assert_eq!(plate.snapshot().state, PlateState::Idle);
 }
 
 #[test]

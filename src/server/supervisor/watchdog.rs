@@ -110,25 +110,19 @@ impl Watchdog {
         let unwritten = self.unwritten.add(ran, unwritten_ms);
         let unseen_s = read(&heartbeat.plate_ms).saturating_sub(read(&heartbeat.seen_ms)) as f64 * 1e-3;
         let WatchdogSpec { hung, no_part_s, blocked } = self.spec;
-        let (cause, reason) = if frame_ms == 0 {
+        let [unframed_s, unwritten_s] = [unframed, unwritten].map(|time| time.as_secs_f64());
+        let (finding, reason) = if frame_ms == 0 {
             return None;
         } else if unframed > hung {
-            (
-                StopCause::Found(Finding::Hung),
-                format!("no frame came for {:.1} s: the controller hangs", unframed.as_secs_f64()),
-            )
+            (Finding::Hung, format!("no frame came for {unframed_s:.1} s: the controller hangs"))
         } else if unseen_s > no_part_s {
-            (StopCause::Found(Finding::NoPartSeen), format!("no part was seen for {unseen_s:.1} s of plate time"))
+            (Finding::NoPartSeen, format!("no part was seen for {unseen_s:.1} s of plate time"))
         } else if unwritten_ms != 0 && unwritten > blocked {
-            let unwritten_s = unwritten.as_secs_f64();
-            (
-                StopCause::Found(Finding::JournalBlocked),
-                format!("the journal could not be written for {unwritten_s:.1} s"),
-            )
+            (Finding::JournalBlocked, format!("the journal could not be written for {unwritten_s:.1} s"))
         } else {
             return None;
         };
-        Some(ExternalStop::of(cause, reason))
+        Some(ExternalStop::of(StopCause::Found(finding), reason))
     }
 
     /// Forgets the run: it ended, or none is on the plate.

@@ -37,6 +37,8 @@ pub(super) struct PlateWorker {
     pub rerun: RerunMode,
     /// Free bytes below which the standing job waits.
     pub min_free_bytes: u64,
+    /// True if the plate pauses after each job.
+    pub waits_after_jobs: bool,
 }
 
 impl PlateWorker {
@@ -84,13 +86,12 @@ impl PlateWorker {
         }
         let Some(standing) = &self.shared.standing else { return Ok(None) };
         let low = low_disk(free_bytes(store.runs()).ok(), self.min_free_bytes);
-        let is_held = low.is_some();
         if standing.hold(low.clone())
-            && let Some(why) = low
+            && let Some(why) = &low
         {
             tracing::warn!(plate = self.shared.name, "the standing job waits: {why}");
         }
-        if is_held || standing.paused().is_some() {
+        if low.is_some() || standing.paused().is_some() {
             return Ok(None);
         }
         store.begin_standing(&standing.job, &folder)
@@ -119,12 +120,19 @@ impl PlateWorker {
         if lost_parts > 0 || stopped_by_guard {
             // an operator puts the part back, removes it, or checks what is wrong
             self.shared.pause(PauseCause::after(stop.as_ref(), &end.reason));
+        } else if self.waits_after_jobs {
+            let remedy = "make the plate ready for the next job, then resume";
+            self.shared.pause(PauseCause::new("between_jobs", "waits for a person between two jobs", remedy));
         }
         self.settle_interlock(stop.as_ref(), &end.reason);
         if claimed.row.standing {
             self.settle_standing(&end, is_cancelled);
         }
-        self.log(&id, &end);
+        let (plate, state, reason) = (&self.shared.name, end.state.code(), &end.reason);
+        match end.state {
+            JobState::Failed | JobState::Interrupted => tracing::warn!(plate, job = %id, "{state}: {reason}"),
+            _ => tracing::info!(plate, job = %id, "{state}: {reason}"),
+        }
         self.store(&id, &end);
     }
 
@@ -195,14 +203,6 @@ impl PlateWorker {
         let state = JobState::of_end(report.outcome, report.stop.as_ref().map(|stop| stop.code));
         let json = serde_json::to_value(&report).ok();
         JobEnd { report: json.as_ref().and_then(Value::as_object).cloned(), ..JobEnd::of(state, report.reason) }
-    }
-
-    fn log(&self, id: &JobId, JobEnd { state, reason, .. }: &JobEnd) {
-        let (plate, state_name) = (&self.shared.name, state.code());
-        match state {
-            JobState::Failed | JobState::Interrupted => tracing::warn!(plate, job = %id, "{state_name}: {reason}"),
-            _ => tracing::info!(plate, job = %id, "{state_name}: {reason}"),
-        }
     }
 
     /// Releases an interlock that tripped for any reason except an emergency stop; it ends with the run it stopped.

@@ -37,7 +37,8 @@ pub(super) fn batch(file: &Path, seeds: &Seeds, args: &RunArgs, common: Common) 
     let library = job_library(&job).map_err(Failure::faults)?;
     check_places(&job).map_err(|fault| Failure::faults(vec![fault]))?;
     let (clock, started_utc) = (MonotonicClock::new(), utc_now());
-    let in_usual = || Path::new(USUAL_OUT).join(format!("{}-seeds-{started_utc}", job.name));
+    let name = &job.name[..job.name.floor_char_boundary(200)];
+    let in_usual = || Path::new(USUAL_OUT).join(format!("{name}-seeds-{started_utc}"));
     let out = args.out.clone().unwrap_or_else(in_usual);
     let interrupted = stop_on_interrupt();
     let seeds = seeds.as_slice();

@@ -12,13 +12,14 @@ use re_sdk_types::blueprint::components::{Corner2D, PanelState, VisibleTimeRange
 use re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
 use re_sdk_types::datatypes;
 use rerun::blueprint::{
-    BarChartView, Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Grid, Horizontal, SelectionPanel,
-    Spatial2DView, Tabs, TextLogView, TimePanel, TimeSeriesView, Vertical,
+    Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Grid, Horizontal, SelectionPanel, Spatial2DView,
+    Tabs, TextLogView, TimePanel, TimeSeriesView, Vertical,
 };
 use rerun::external::re_log_types::BlueprintActivationCommand;
 use rerun::log::LogMsg;
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, SerializedComponentBatch};
 
+use super::plots::BARS_WIDTH;
 use super::run_stream::{APPLICATION, PLATE_TIME};
 use super::table::reach_mm;
 use crate::types::RunContext;
@@ -106,10 +107,7 @@ fn plan(layout: &mut ViewLayout, method: PlanningMethod) -> ContainerLike {
         PlanningMethod::SynthesizedField => ("Harmonics, mm/s", "plan/harmonics_mm_s"),
         PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => ("Plan: d, mm", "plan/d_mm"),
     };
-    let view = BarChartView::new(name).with_origin(origin).into();
-    // the title names the bars
-    layout.set(&view, "PlotLegend", &PlotLegend::new().with_visible(false));
-    view
+    layout.bounded(name, origin, [-0.05, BARS_WIDTH + 0.05], [-0.05, 1.05])
 }
 
 fn signals(layout: &mut ViewLayout) -> ContainerLike {
@@ -140,10 +138,10 @@ struct ViewLayout {
 }
 
 impl ViewLayout {
-    /// A view of just this range of x and y.
-    fn bounded(&mut self, name: &str, origin: &str, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
+    /// A view of `entity` in just this range of x and y. Its origin is the root, so that a transform of `entity` holds.
+    fn bounded(&mut self, name: &str, entity: &str, x: [f64; 2], y: [f64; 2]) -> ContainerLike {
         let range = datatypes::Range2D { x_range: datatypes::Range1D(x), y_range: datatypes::Range1D(y) };
-        let view = Spatial2DView::new(name).with_origin(origin).into();
+        let view = Spatial2DView::new(name).with_origin("/").with_contents([format!("{entity}/**")]).into();
         self.set(&view, "VisualBounds2D", &VisualBounds2D::new(range));
         view
     }

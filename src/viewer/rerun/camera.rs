@@ -1,4 +1,4 @@
-use re_sdk_types::archetypes::{EncodedImage, Points2D};
+use re_sdk_types::archetypes::{Ellipses2D, EncodedImage, Points2D};
 use re_sdk_types::components::Color;
 
 use super::observation::Observation;
@@ -51,8 +51,9 @@ impl CameraView {
             stream.log("camera/image", &image.with_draw_order(-10.0))?;
         }
         let disc = |track: &Track| (in_half_frame(track.seen.center_px), track.seen.radius_px as f32 / 2.0);
-        let circles = paint::circles(tracks.iter().map(disc), paint::MEASURED, 1.5).with_colors(self.colors.clone());
-        stream.log("camera/parts", &circles)?;
+        let (centers, radii): (Vec<_>, Vec<_>) = tracks.iter().map(disc).map(|(at, radius)| (at, [radius; 2])).unzip();
+        let circles = Ellipses2D::from_centers_and_half_sizes(centers, radii).with_line_radii([paint::thin(1.5)]);
+        stream.log("camera/parts", &circles.with_colors(self.colors.clone()))?;
         let places = tracks.iter().map(disc).map(paint::below);
         stream.log("camera/names", &Points2D::update_fields().with_positions(places))?;
         let trails = paint::lines(self.trails.strips(in_half_frame), paint::MEASURED, 1.0);

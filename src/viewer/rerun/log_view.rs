@@ -51,13 +51,9 @@ impl LogView {
         };
         log_line(stream, level, event.text.clone())
     }
-
-    /// Logs a warning at the time of the last fact.
-    pub(super) fn warn(&self, stream: &RunStream, text: String) -> LogResult {
-        log_line(stream, TextLogLevel::WARN, text)
-    }
 }
 
-fn log_line(stream: &RunStream, level: &str, text: String) -> LogResult {
+/// Logs a line at the time of the last fact.
+pub(super) fn log_line(stream: &RunStream, level: &str, text: String) -> LogResult {
     stream.log("log", &TextLog::new(text).with_level(level))
 }

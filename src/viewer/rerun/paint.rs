@@ -1,6 +1,6 @@
 //! Colours and coordinates shared by all views.
 
-use re_sdk_types::archetypes::{Arrows2D, Ellipses2D, LineStrips2D, Points2D};
+use re_sdk_types::archetypes::{Arrows2D, LineStrips2D, Points2D};
 use re_sdk_types::components::{Color, LineStrip2D, Radius};
 
 use upm_chart::{Ground, Palette};
@@ -54,9 +54,9 @@ pub(super) fn thin(points: f32) -> Radius {
     Radius::new_ui_points(points)
 }
 
-/// A point of the table in the view from above: mm, y down.
+/// A point of the table in the view from above, mm.
 pub(super) fn above(p_m: Vec2) -> [f32; 2] {
-    [mm_from_m(p_m.x) as f32, -mm_from_m(p_m.y) as f32]
+    [mm_from_m(p_m.x) as f32, mm_from_m(p_m.y) as f32]
 }
 
 /// A point of a frame (px) in a 2D view of that frame at half its size, where pixel (0, 0) covers the square from 0 to
@@ -74,7 +74,7 @@ pub(super) fn names(parts: &[LayoutPart], colors: Vec<Color>) -> Points2D {
         .with_radii([thin(0.1)])
 }
 
-/// The lowest point of a disc in a view, from which the viewer hangs its name.
+/// The lowest point of a disc, from which the viewer hangs its name. Where y is up, the radius is negative.
 pub(super) fn below(([x, y], radius): ([f32; 2], f32)) -> [f32; 2] {
     [x, y + radius]
 }
@@ -94,10 +94,4 @@ pub(super) fn arrows(ends: impl IntoIterator<Item = [[f32; 2]; 2]>, paint: Rgb, 
     let (origins, vectors): (Vec<_>, Vec<_>) =
         ends.into_iter().map(|[[x0, y0], [x1, y1]]| ([x0, y0], [x1 - x0, y1 - y0])).unzip();
     Arrows2D::from_vectors(vectors).with_origins(origins).with_colors([color(paint)]).with_radii([thin(points)])
-}
-
-/// Circles of one colour, each with its centre and radius.
-pub(super) fn circles(circles: impl IntoIterator<Item = ([f32; 2], f32)>, paint: Rgb, points: f32) -> Ellipses2D {
-    let (centers, radii): (Vec<_>, Vec<_>) = circles.into_iter().map(|(center, radius)| (center, [radius; 2])).unzip();
-    Ellipses2D::from_centers_and_half_sizes(centers, radii).with_colors([color(paint)]).with_line_radii([thin(points)])
 }

@@ -1,4 +1,4 @@
-use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines};
+use re_sdk_types::archetypes::{Scalars, SeriesLines, Transform3D};
 
 use super::observation::Observation;
 use super::paint;
@@ -63,7 +63,7 @@ impl Plots {
         log_each(stream, "plan/pulses", [pulses.len() as f64])?;
         if let [PlannedPulse::Field(field), ..] = &pulses[..] {
             let speeds = field.wave.harmonics.iter().map(|harmonic| self.speed_mm_s(harmonic));
-            return log_bars(stream, "plan/harmonics_mm_s", speeds.collect());
+            return log_bars(stream, "plan/harmonics_mm_s", &speeds.collect::<Vec<_>>());
         }
         let distance_mm = |pulse: &PlannedPulse| match pulse {
             PlannedPulse::Rotation(rotation) => Some(mm_from_m(rotation.distance_m)),
@@ -71,7 +71,7 @@ impl Plots {
         };
         let distances: Vec<f64> = pulses.iter().filter_map(distance_mm).collect();
         log_each(stream, "plan/total_mm", [distances.iter().map(|d| d.abs()).sum()])?;
-        log_bars(stream, "plan/d_mm", distances)
+        log_bars(stream, "plan/d_mm", &distances)
     }
 
     /// Amplitude of a harmonic's x, y and spin together, spin as the speed half a side from the centre.
@@ -93,10 +93,23 @@ impl Plots {
     }
 }
 
-/// Logs bars numbered from 1.
-fn log_bars(stream: &RunStream, path: &str, heights: Vec<f64>) -> LogResult {
-    let numbers: Vec<f64> = (1..=heights.len()).map(|j| j as f64).collect();
-    stream.log(path, &BarChart::new(heights).with_abscissa(numbers).with_color(paint::color(paint::CENTER)))
+/// Width of the drawing of bars; its height is 1.
+pub(super) const BARS_WIDTH: f64 = 1.25;
+
+/// Largest number of bars that have room for their heights as text.
+const MOST_LABELS: usize = 8;
+
+/// Logs bars from left to right. They are lines, since tables of the Python SDK cannot hold the tensors of a bar chart.
+fn log_bars(stream: &RunStream, path: &str, heights: &[f64]) -> LogResult {
+    let count = heights.len().max(1) as f64;
+    let limit = |of: fn(f64, f64) -> f64| heights.iter().copied().fold(0.0, of);
+    let scale = 1.0 / (limit(f64::max) - limit(f64::min)).max(1e-9);
+    let axis = [0.0, limit(f64::max) * scale, 0.0];
+    stream.log("plan", &Transform3D::from_translation_scale(axis, [BARS_WIDTH / count, -scale, 1.0]))?;
+    let bar = |(j, &height): (usize, &f64)| [0.0, height].map(|end| [j as f32 + 0.5, end as f32]);
+    let bars = paint::lines(heights.iter().enumerate().map(bar), paint::CENTER, (60.0 / count as f32).min(7.0));
+    let label = |height: &f64| format!("{:.*}", usize::from(height.abs() < 10.0), height);
+    stream.log(path, &bars.with_labels(heights.iter().map(label)).with_show_labels(heights.len() <= MOST_LABELS))
 }
 
 fn log_each(stream: &RunStream, path: &str, values: impl IntoIterator<Item = f64>) -> LogResult {

@@ -1,9 +1,11 @@
 use std::time::Duration;
 
+use re_sdk_types::components::TextLogLevel;
+
 use super::blueprint;
 use super::camera::CameraView;
 use super::file::RrdFile;
-use super::log_view::LogView;
+use super::log_view::{LogView, log_line};
 use super::observation::Observation;
 use super::plots::Plots;
 use super::run_stream::{LogResult, RunStream};
@@ -85,7 +87,7 @@ impl Recorder {
             }
         }
         if let Some(text) = file.handle().ended_early() {
-            recorded = recorded.and_then(|()| self.log_view.warn(&self.stream, text));
+            recorded = recorded.and_then(|()| log_line(&self.stream, TextLogLevel::WARN, text));
         }
         let flushed = self.stream.flush();
         recorded.and(flushed)

@@ -1,6 +1,6 @@
 use std::f64::consts::TAU;
 
-use re_sdk_types::archetypes::{Ellipses2D, Points2D};
+use re_sdk_types::archetypes::{Ellipses2D, Points2D, Transform3D};
 use re_sdk_types::components::Color;
 
 use super::observation::Observation;
@@ -46,6 +46,7 @@ impl TableView {
     /// Logs the static data: the plate, the library's centres of rotation, sizes and colours of the parts.
     pub(super) fn start(stream: &RunStream, context: &RunContext) -> Result<Self, String> {
         let half_side_m = context.model.plate_side_m / 2.0;
+        stream.log_static("table", &Transform3D::from_scale([1.0_f32, -1.0, 1.0]))?;
         let rim = bin_outline([-half_side_m; 2], [half_side_m; 2]).map(|corner| above(corner.into()));
         stream.log_static("table/outline", &paint::lines([rim], [210, 210, 220], 1.0))?;
         let window_m = WINDOW * half_side_m;
@@ -73,7 +74,7 @@ impl TableView {
     /// Logs where the parts are, and their trails at the start of a cycle.
     pub(super) fn observed(&mut self, stream: &RunStream, seen: &Observation) -> LogResult {
         let measured_m = seen.measured_m();
-        let discs = measured_m.iter().copied().map(above).zip(self.radii_mm.iter().copied());
+        let discs = measured_m.iter().copied().map(above).zip(self.radii_mm.iter().map(|radius_mm| -radius_mm));
         stream.log("table/names", &Points2D::update_fields().with_positions(discs.map(paint::below)))?;
         for (path, trails, places_m) in
             [("table/measured", &mut self.measured, &measured_m), ("table/true", &mut self.truth, &seen.true_m)]

@@ -3,6 +3,7 @@ use std::net::TcpListener;
 use std::path::Path;
 use std::sync::Arc;
 
+use re_sdk_types::archetypes::{Ellipses2D, Transform3D};
 use rerun::EntityPath;
 use rerun::external::re_log_encoding::DecoderApp;
 use rerun::log::{Chunk, LogMsg};
@@ -166,7 +167,7 @@ fn recording_has_every_expected_entity() {
         chunks.flat_map(|chunk| chunk.timelines().keys().map(|t| t.to_string())).collect();
     assert_eq!(timelines, BTreeSet::from(["cycle".to_owned(), "plate_time".to_owned()]), "no wall clock");
     let properties = |name: &str| blueprint.entities().iter().filter(|p| p.to_string().ends_with(name)).count();
-    assert_eq!((properties("VisualBounds2D"), properties("VisibleTimeRanges")), (2, 4));
+    assert_eq!((properties("VisualBounds2D"), properties("VisibleTimeRanges")), (3, 4));
 }
 
 #[test]
@@ -207,6 +208,24 @@ fn every_sample_and_every_frame_of_a_cycle_arrives() {
     (0..40).for_each(|_| run.cycle(&mut memory));
     let samples = |drive: &upm_core::signal::Drive| (drive.envelope.driven_s() * 1000.0).ceil() as u64 + 1;
     assert_eq!(rows("motors"), memory.pulses.iter().map(|pulse| samples(&pulse.drive)).sum::<u64>());
+}
+
+#[test]
+fn places_have_the_signs_of_the_journal_and_a_transform_turns_the_view_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let run = SyntheticRun::new(3);
+    let at_mm: Vec<[f32; 2]> = run.parts_m.iter().map(|p_m| [p_m.x, p_m.y].map(|m| (1e3 * m) as f32)).collect();
+    record_run(run, &RerunMode::Save, &path, 1).unwrap();
+    let (recording, _) = stores(&path);
+    let of = |path: &str, is_static: bool| {
+        let mut chunks = recording.chunks();
+        chunks.find(|chunk| *chunk.entity_path() == path.into() && chunk.is_static() == is_static).unwrap()
+    };
+    let centers = of("table/true", false).iter_slices::<[f32; 2]>(Ellipses2D::descriptor_centers().component);
+    assert_eq!(centers.take(1).collect::<Vec<_>>(), [&at_mm[..]]);
+    let scale = of("table", true).iter_slices::<[f32; 3]>(Transform3D::descriptor_scale().component);
+    assert_eq!(scale.collect::<Vec<_>>(), [&[[1.0_f32, -1.0, 1.0]][..]]);
 }
 
 #[test]

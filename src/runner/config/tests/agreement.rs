@@ -13,7 +13,7 @@ use super::traces::trace;
 use super::{origin, value_of};
 use crate::config::coins::coins_of;
 use crate::config::daemon_file::DaemonFile;
-use crate::config::read::NAME_PATTERN;
+use crate::config::read::{NAME_PATTERN, PLAIN_NAME_PATTERN};
 use crate::config::simulate::ExperimentFile;
 use crate::config::{Diagnostic, JobFile, RigFile, schema, schema_names};
 use upm_core::document::parse;
@@ -95,9 +95,11 @@ impl Maker<'_> {
     }
 
     fn text(&mut self, schema: &Value, least: usize, most: usize) -> Value {
-        let mut texts = ["a", "upm-1", "...", ".a", "_"].map(str::to_owned).to_vec();
+        let mut texts = ["a", "upm-1", "a.b", "_"].map(str::to_owned).to_vec();
         match schema["pattern"].as_str() {
-            Some(pattern) => assert_eq!(pattern, NAME_PATTERN, "a pattern without samples"),
+            Some(PLAIN_NAME_PATTERN) => {}
+            Some(NAME_PATTERN) => texts.extend(["größe-1", "名前"].map(str::to_owned)),
+            Some(pattern) => unreachable!("no samples of {pattern}"),
             None => {
                 texts.extend(["", "penny", "é\u{0}\n", "𝄞\"\\"].map(str::to_owned));
                 texts.push("é".repeat(most.min(4096)));
@@ -116,7 +118,7 @@ impl Maker<'_> {
             }
         }
         if schema["additionalProperties"].is_object() {
-            for key in ["a", ".b-1", "..."].into_iter().take(least + self.rng.random_range(0..2)) {
+            for key in ["a", "b.1-", "名前"].into_iter().take(least + self.rng.random_range(0..2)) {
                 members.insert(key.to_owned(), self.made(&schema["additionalProperties"]));
             }
         }

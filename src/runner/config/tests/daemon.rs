@@ -66,7 +66,7 @@ fn every_fault_is_reported_with_its_path() {
     });
     let wanted = "listen: expected an IP address and a port like 127.0.0.1:8750 or [::1]:8750, found \"localhost:8750\"
 stop_listen: expected an IP address and a port like 127.0.0.1:8750 or [::1]:8750, found \"8751\"
-plates[0].name: expected 1 to 64 letters, digits, `.`, `_`, `-`, other than `.` and `..`, found \"..\"
+plates[0].name: expected 1 to 64 letters, digits, `.`, `_`, `-`, the first neither `.` nor `-`, all ASCII, found \"..\"
 $: expected a file that can be read, found no such file (did you mean RIGS/upm-1.json?)
 plates[1].library: expected a path (rig upm-2 names no library), found nothing
 plates[2].name: expected a name that no plate before has, found \"A\"

@@ -94,6 +94,22 @@ fn answers_are_of_the_documented_type() {
 }
 
 #[test]
+fn page_and_api_are_served_below_the_base_path_alone() {
+    let api = TestApi::with(|spec| spec.base_path = "/lab/upm".to_owned());
+    assert_eq!(api.get("/lab/upm/openapi.json").json()["servers"], json!([{"url": "/lab/upm"}]));
+    assert_eq!((api.get("/lab/upm/").status, api.get("/lab/upm/assets/app.js").status), (200, 200));
+    let bare = api.get("/lab/upm");
+    assert_eq!((bare.status, bare.header("location")), (307, "/lab/upm/"));
+    let seen = api.post("/lab/upm/v1/jobs?pace=max", REST);
+    let address = format!("/lab/upm/v1/jobs/{}", seen.json()["id"].as_str().unwrap());
+    assert_eq!((seen.status, seen.header("location")), (201, address.as_str()));
+    assert_eq!((api.get(&address).status, api.get(&format!("{address}/layout/")).status), (200, 404));
+    for path in ["/", "/v1/jobs", "/healthz", "/lab/upm/v1", "/lab/upmv1/jobs"] {
+        assert_eq!(api.get(path).status, 404, "{path}");
+    }
+}
+
+#[test]
 fn other_methods_and_paths_are_refused() {
     let api = TestApi::new();
     for (method, path, allowed) in

@@ -4,7 +4,7 @@ use std::net::{TcpListener, TcpStream};
 
 use super::*;
 use crate::api::EVENT_STREAMS;
-use crate::http::serve;
+use crate::http::{Scope, Tokens, serve};
 
 /// An event: its kind, `id` and data; for one of kind `job` the job's state.
 type Heard = (&'static str, Option<u64>, String);
@@ -113,6 +113,28 @@ fn quiet_stream_shows_that_it_is_alive_and_ends_with_the_store() {
     assert!(heartbeat.starts_with(b":"), "{heartbeat:?}");
     assert!(api.daemon.store.close(TIMEOUT));
     assert_eq!(next(&api, &mut body), None);
+}
+
+#[test]
+fn stream_ends_when_its_token_is_replaced() {
+    let api = TestApi::stopped();
+    let row = api.queue();
+    let hold = |letter: &str| {
+        let mut tokens = Tokens::default();
+        tokens.add("read", &letter.repeat(32), Scope::Read).unwrap();
+        assert!(api.daemon.tokens.replace(tokens));
+    };
+    let open = |letter: &str| {
+        let bearer = format!("Bearer {}", letter.repeat(32));
+        let headers = [("authorization", bearer.as_str())];
+        api.runtime.block_on(api.open(request("GET", &format!("/v1/jobs/{}/events", row.id), &headers, "")))
+    };
+    hold("a");
+    let (status, _, mut body) = open("a");
+    assert_eq!((status, next(&api, &mut body)), (200, Some(job("queued", Some(0)))));
+    hold("b");
+    assert_eq!(next(&api, &mut body), None);
+    assert_eq!((open("a").0, open("b").0), (401, 200));
 }
 
 #[test]

@@ -76,7 +76,7 @@ pub(super) struct Client {
 impl Client {
     /// Client of the daemon that the arguments, else the environment, name.
     pub fn new(args: &DaemonArgs) -> Result<Self, Failure> {
-        let client = Self::without_token(args)?;
+        let client = Self::at(&url_of(args))?;
         let file = args.token_file.clone().or_else(|| Some(std::env::var_os("UPM_TOKEN_FILE")?.into()));
         let bearer = file.map(|file| bearer_of(&file)).transpose()?;
         Ok(Self { bearer, ..client })
@@ -87,13 +87,9 @@ impl Client {
     pub fn for_stop(args: &DaemonArgs) -> Result<Self, Failure> {
         let client = Self::new(args).or_else(|failure| {
             failure.report();
-            Self::without_token(args)
+            Self::at(&url_of(args))
         })?;
         Ok(Self { timeouts: Timeouts::Stop, ..client })
-    }
-
-    fn without_token(args: &DaemonArgs) -> Result<Self, Failure> {
-        Self::at(&url_of(args))
     }
 
     /// Client of the daemon at `url`, without a token.
@@ -185,7 +181,9 @@ impl Client {
 
     fn read<T: DeserializeOwned>(&self, mut response: Response<Body>) -> Result<T, ClientRefusal> {
         let bytes = self.bytes(&mut response)?;
-        serde_json::from_slice(&bytes).map_err(|error| ClientRefusal::not_understood(&self.base, &error))
+        let base = &self.base;
+        let wrong = |error: String| format!("the answer of {base} cannot be understood: {}", on_one_line(&error));
+        serde_json::from_slice(&bytes).map_err(|error| ClientRefusal::Lost(wrong(error.to_string())))
     }
 
     fn bytes(&self, response: &mut Response<Body>) -> Result<Vec<u8>, ClientRefusal> {

@@ -102,11 +102,12 @@ pub(super) fn plates(args: &PlatesArgs, common: Common) -> Result<u8, Failure> {
 pub(super) fn plate_line(plate: &Plate) -> String {
     let Plate { name, queued, why, .. } = plate;
     let behind = behind(plate.behind_s);
+    let is_running = |standing: &StandingJob| standing.state == StandingState::Running;
     let doing = match plate.state {
         PlateState::Idle => {
             plate.standing_job.as_ref().map(|standing| standing_line(standing, name)).unwrap_or_default()
         }
-        PlateState::Running if is_standing(plate) => {
+        PlateState::Running if plate.standing_job.as_ref().is_some_and(is_running) => {
             format!("standing job {}{behind}  {}", plate.job.as_deref().unwrap_or_default(), plate.phase)
         }
         PlateState::Running => {
@@ -118,11 +119,6 @@ pub(super) fn plate_line(plate: &Plate) -> String {
     };
     let state = plate.state.code();
     on_one_line(format!("{name:16} {state:8} {queued:4} queued  {doing}").trim_end())
-}
-
-/// True while the plate runs its standing job.
-fn is_standing(plate: &Plate) -> bool {
-    plate.standing_job.as_ref().is_some_and(|standing| standing.state == StandingState::Running)
 }
 
 /// Line for a standing job that is not running.

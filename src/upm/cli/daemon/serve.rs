@@ -23,12 +23,12 @@ pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     let spec = spec_of(args)?;
     let prepared = prepare(&spec).map_err(Failure::faults)?;
     let stop = stop_signals();
-    let names = spec.plate_names();
+    let (names, base_path) = (spec.plate_names(), spec.base_path.clone());
     let daemon = Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, VERSION);
     let daemon = daemon.map_err(start_failure)?;
     let address = daemon.address().map_err(Failure::failed)?;
     attend_sigusr1(daemon.emergency_stop());
-    outln!("http://{address}")?;
+    outln!("http://{address}{base_path}")?;
     tracing::info!(%address, plates = names.join(", "), "upm {VERSION} serves");
     Ok(status(&daemon.serve(&stop)))
 }

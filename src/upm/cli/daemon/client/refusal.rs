@@ -53,11 +53,6 @@ impl ClientRefusal {
         }
     }
 
-    /// Refusal for a response that is not in the daemon's format.
-    pub fn not_understood(base: &str, error: &serde_json::Error) -> Self {
-        Self::Lost(format!("the answer of {base} cannot be understood: {}", on_one_line(&error.to_string())))
-    }
-
     /// Refusal for an error status, with the problem document in `body`.
     pub fn problem(base: &str, status: u16, headers: &HeaderMap, body: &[u8]) -> Self {
         let retry_after_s = headers.get(RETRY_AFTER).and_then(|value| value.to_str().ok()?.parse().ok());

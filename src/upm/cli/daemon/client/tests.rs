@@ -20,6 +20,14 @@ fn nobody() -> String {
 }
 
 #[test]
+fn daemon_below_a_path_is_asked_there() {
+    let server = FakeServer::saying(vec![said(200, &job(JobState::Queued))]);
+    let client = Client::at(&format!("{}/lab/upm/", server.url)).unwrap();
+    assert_eq!(client.get::<Job>(&job_path(JOB)).unwrap(), job(JobState::Queued));
+    assert_eq!(server.asked()[0].line, format!("GET /lab/upm/v1/jobs/{JOB} HTTP/1.1"));
+}
+
+#[test]
 fn a_job_is_asked_for_and_read() {
     let server = FakeServer::saying(vec![said(200, &job(JobState::Queued))]);
     let client = Client { bearer: Some("Bearer secret".into()), ..Client::at(&format!("{}/", server.url)).unwrap() };
