@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 
 use super::mutation::{experiment, places, whole};
 use super::traces::trace;
-use super::{origin, value_of};
+use super::value_of;
 use crate::config::coins::coins_of;
 use crate::config::daemon_file::DaemonFile;
 use crate::config::read::{NAME_PATTERN, PLAIN_NAME_PATTERN};
