@@ -14,6 +14,7 @@ mod document;
 mod drawing;
 mod font;
 mod pattern;
+mod survey;
 mod svg;
 
 pub use curves::{circle_path, closed_from, lissajous_path};

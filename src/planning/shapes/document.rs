@@ -1,71 +1,67 @@
-use std::str::FromStr;
+use kurbo::{Affine, Point};
+use usvg::roxmltree::{Document, ParsingOptions};
+use usvg::tiny_skia_path::{self, PathSegment};
+use usvg::{Group, ImageHrefResolver, Node, Options, Transform, Tree};
 
-use kurbo::{Affine, BezPath};
-use roxmltree::{Document, Node, ParsingOptions};
+use super::survey::beside_paths;
 
-use super::svg::parsed;
+/// Style over that of the document, of every element: what changes no outline, and may take any amount of memory.
+const PLAIN: &str = "* { clip-path: none !important; filter: none !important; marker: none !important; \
+    mask: none !important; stroke-dasharray: none !important; stroke-linejoin: bevel !important }";
 
-/// Most nodes of a document; larger ones are rejected.
-const MOST_NODES: u32 = 100_000;
-
-/// Elements whose content is not drawn where it is defined.
-const NOT_DRAWN: [&str; 6] = ["defs", "clipPath", "mask", "marker", "pattern", "symbol"];
-
-/// Path data of every `path` element of an SVG document in document order, with its transforms applied.
+/// Path data of all outlines that a browser draws from an SVG document, in the order in which it does, and in words
+/// what is in the document beside `path` elements; no words if there is nothing else.
 ///
 /// # Errors
 /// A message about the first fault of the document.
-pub fn path_data_of(document: &str) -> Result<String, String> {
-    let options = ParsingOptions { allow_dtd: true, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
+pub fn path_data_of(document: &str) -> Result<(String, String), String> {
+    if document.contains("<!ENTITY") {
+        return Err("entities of its own".to_owned());
+    }
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
     let document = Document::parse_with_options(document, options).map_err(|error| error.to_string())?;
-    let drawn = document.descendants().filter(|node| is_element(*node, "path") && !is_hidden(*node));
-    let mut whole = BezPath::new();
-    for node in drawn {
-        let Some(d) = node.attribute("d") else { continue };
-        let path = parsed(d).map_err(|error| format!("a path with {error}"))?;
-        whole.extend(transform_of(node)? * path);
+    let beside = beside_paths(&document)?;
+    // files and data that images name are not read
+    let image_href_resolver =
+        ImageHrefResolver { resolve_data: Box::new(|_, _, _| None), resolve_string: Box::new(|_, _| None) };
+    let options = Options { image_href_resolver, style_sheet: Some(PLAIN.to_owned()), ..Options::default() };
+    let tree = Tree::from_xmltree(&document, &options).map_err(|error| error.to_string())?;
+    let mut d = String::new();
+    append(tree.root(), Affine::IDENTITY, &mut d);
+    if d.is_empty() {
+        let beside = if beside.is_empty() { "no shapes" } else { &beside };
+        return Err(format!("nothing drawn ({beside})"));
     }
-    if whole.is_empty() {
-        return Err("no path element (a drawing program turns shapes and text into paths)".to_owned());
+    d.pop();
+    Ok((d, beside))
+}
+
+/// Appends the visible paths of `group`, in the coordinates to which `to_page` leads from those around the group.
+fn append(group: &Group, to_page: Affine, d: &mut String) {
+    let Transform { sx, kx, ky, sy, tx, ty } = group.transform();
+    let to_page = to_page * Affine::new([sx, ky, kx, sy, tx, ty].map(f64::from));
+    for child in group.children() {
+        match child {
+            Node::Group(group) => append(group, to_page, d),
+            Node::Path(path) if path.is_visible() => {
+                path.data().segments().for_each(|segment| d.push_str(&written(segment, to_page)));
+            }
+            Node::Path(_) | Node::Image(_) | Node::Text(_) => {}
+        }
     }
-    Ok(whole.to_svg())
 }
 
-/// True for an element of this name, in the namespace of SVG or without one.
-fn is_element(node: Node<'_, '_>, name: &str) -> bool {
-    node.is_element() && node.tag_name().name() == name
-}
-
-fn is_hidden(node: Node<'_, '_>) -> bool {
-    node.ancestors().any(|above| NOT_DRAWN.iter().any(|name| is_element(above, name)))
-}
-
-/// Transform from the coordinates of `node` to those of the document.
-fn transform_of(node: Node<'_, '_>) -> Result<Affine, String> {
-    let mut written = node.ancestors().filter_map(|above| above.attribute("transform"));
-    written.try_fold(Affine::IDENTITY, |inner, text| {
-        let svgtypes::Transform { a, b, c, d, e, f } =
-            svgtypes::Transform::from_str(text).map_err(|error| format!("a transform with {error}"))?;
-        Ok(Affine::new([a, b, c, d, e, f]) * inner)
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn transforms_of_groups_are_carried_out() {
-        let document = r#"<?xml version="1.0"?><!DOCTYPE svg>
-            <svg xmlns="http://www.w3.org/2000/svg"><defs><path d="M9 9 H8"/></defs>
-            <g transform="translate(10 0)"><path transform="scale(2)" d="M0 0 h1"/></g><path d="M0 0 V5"/></svg>"#;
-        assert_eq!(path_data_of(document).unwrap(), "M10,0 L12,0 M0,0 L0,5");
-    }
-
-    #[test]
-    fn documents_without_paths_are_refused() {
-        assert!(path_data_of("<svg><rect width='3' height='4'/></svg>").unwrap_err().contains("no path element"));
-        assert!(path_data_of("<svg><path d='M0 0 L'/></svg>").unwrap_err().contains("a path with"));
-        assert!(path_data_of("M0 0 H3").is_err());
+/// The segment as path data. Numbers of a path without transforms stay as they are, to seven digits.
+fn written(segment: PathSegment, to_page: Affine) -> String {
+    let at = |point: tiny_skia_path::Point| {
+        let Point { x, y } = to_page * Point::new(point.x.into(), point.y.into());
+        format!("{},{}", x as f32, y as f32)
+    };
+    match segment {
+        PathSegment::MoveTo(to) => format!("M{} ", at(to)),
+        PathSegment::LineTo(to) => format!("L{} ", at(to)),
+        PathSegment::QuadTo(by, to) => format!("Q{} {} ", at(by), at(to)),
+        PathSegment::CubicTo(from, by, to) => format!("C{} {} {} ", at(from), at(by), at(to)),
+        PathSegment::Close => "Z ".to_owned(),
     }
 }

@@ -65,16 +65,18 @@ fn sendable(file: &Path) -> Result<JobFile, Failure> {
 
 fn checked_job(file: &Path) -> Result<JobFile, Failure> {
     let read_failed = |error: &dyn std::fmt::Display| Failure::bad_input(format!("{}: {error}", file.display()));
-    match JobSpec::load(file) {
-        Ok(job) => serde_json::from_value(job.effective()).map_err(|error| read_failed(&error)),
+    let (job, warnings) = match JobSpec::load(file) {
+        Ok(job) => (serde_json::from_value(job.effective()).map_err(|error| read_failed(&error))?, job.warnings),
         // a job without a rig runs on that of the plate: the daemon, which knows it, checks the rest
         Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.class == DiagnosticClass::Missing) => {
             let text = std::fs::read_to_string(file).map_err(|error| read_failed(&error))?;
             let job: JobFile = serde_json::from_str(&text).map_err(|error| read_failed(&error))?;
-            job.with_drawings_written_out(&Origin::of_file(file)).map_err(Failure::faults)
+            job.with_drawings_written_out(&Origin::of_file(file)).map_err(Failure::faults)?
         }
-        Err(faults) => Err(Failure::of_files(faults)),
-    }
+        Err(faults) => return Err(Failure::of_files(faults)),
+    };
+    warnings.iter().for_each(|warning| errln!("upm: warning: {warning}"));
+    Ok(job)
 }
 
 fn body_of(job: &JobFile, file: &Path) -> Result<String, Failure> {
