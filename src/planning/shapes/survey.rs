@@ -42,7 +42,7 @@ fn is_one_of(name: &str, names: &str) -> bool {
 /// A message where the document is too deep or draws too much.
 pub(super) fn beside_paths(document: &Document<'_>) -> Result<String, String> {
     let by_id: HashMap<&str, Node<'_, '_>> =
-        document.descendants().filter_map(|node| Some((node.attribute("id")?, node))).collect();
+        document.descendants().rev().filter_map(|node| Some((node.attribute("id")?, node))).collect();
     let sheets = document.descendants().filter(|node| node.tag_name().name() == "style");
     // few of the rules of a style sheet apply to an element
     let element_bytes = ELEMENT_BYTES + sheets.filter_map(|sheet| sheet.text()).map(str::len).sum::<usize>() / 8;

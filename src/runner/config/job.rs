@@ -101,6 +101,9 @@ impl JobSpec {
         let of_rig = document.faults.as_ref().map(|list| faults::build(list, each_kind(&parts).len(), &at, faults));
         // faults drawn by a seed are written out, so that the run folder documents them
         document.faults = of_rig.as_ref().map(|specs| FaultList::List(specs.iter().map(fault_entry).collect()));
+        if !faults.is_empty() {
+            faults.append(warnings.clone());
+        }
         Some(Self {
             file: origin.file.clone(),
             name: document.name.clone(),
