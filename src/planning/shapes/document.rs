@@ -159,6 +159,8 @@ mod tests {
             ("<path style='fill:red; marker-end: url(#m)' d='M0 0 H5'/>", "marker-end left out"),
             ("<style>path { clip-path: url(#c) }</style>", "clip-path left out"),
             ("<style>path { cx: 3px }</style>", "cx left out"),
+            ("<symbol><path transform-origin='50% 0'/></symbol>", "shares of a symbol's size left out"),
+            ("<x:text xmlns:x='urn:x'>A</x:text>", ""),
             ("<path style='transform: rotate(3deg)' d='M0 0 H5'/>", "transform left out"),
             ("<path d='M0 0 H5 L'/>", "path data left out from a fault on"),
             ("<path style='filter:none' clip-path='none' d='M0 0 H5'/>", ""),

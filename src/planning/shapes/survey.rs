@@ -5,6 +5,9 @@ use usvg::roxmltree::{Document, Node};
 
 use super::svg::parsed;
 
+/// Namespace of SVG; elements of others are not drawn.
+const SVG: &str = "http://www.w3.org/2000/svg";
+
 /// Most bytes of all elements of a document, with those that `use` copies.
 const MOST_BYTES: usize = 16 << 20;
 
@@ -65,7 +68,8 @@ pub(super) fn beside_paths(document: &Document<'_>) -> Result<String, String> {
         }
         let link = node.attribute("href").filter(|_| name == "use").and_then(|link| link.trim().strip_prefix('#'));
         let copied = link.and_then(|id| by_id.get(id)).copied();
-        let within = copied.into_iter().chain(node.children().filter(Node::is_element));
+        let children = node.children().filter(|child| matches!(child.tag_name().namespace(), None | Some(SVG)));
+        let within = copied.into_iter().chain(children.filter(Node::is_element));
         open.extend(within.map(|child| (child, depth + 1, is_drawn, is_paint)));
     }
     if paint_bytes.saturating_mul(elements) > MOST_PAINT {
@@ -80,6 +84,11 @@ fn look_at(node: Node<'_, '_>, beside: &mut BTreeSet<String>) {
     beside.extend(is_one_of(name, SHAPES).then(|| format!("{name} as an outline")));
     let has_fault = node.attribute("d").is_some_and(|d| parsed(d).is_err());
     beside.extend(has_fault.then(|| "path data left out from a fault on".to_owned()));
+    // usvg takes them of another length
+    let is_share = |value: &str| value.contains('%') || value.contains("center");
+    let mut written_within = node.descendants().flat_map(|within| within.attributes());
+    let has_shares = name == "symbol" && written_within.any(|written| is_share(written.value()));
+    beside.extend(has_shares.then(|| "shares of a symbol's size left out".to_owned()));
     let css = if name == "style" { node.text() } else { node.attribute("style") }.unwrap_or_default();
     let declared = css.split([';', '{', '}']).filter_map(|declaration| declaration.split_once(':'));
     let declared = declared.map(|(name, value)| (name.split_whitespace().last().unwrap_or_default(), value.trim()));

@@ -72,7 +72,7 @@ fn drawing_of_a_file_is_written_out() {
     assert_eq!(effective.pointer("/task/targets/svg/d").unwrap(), "M0,0 L30,0 L30,30 L0,30 Z");
     let named = |origin: &Origin| JobSpec::from_json(&text, origin, None).unwrap_err()[0].path.clone();
     assert_eq!(named(&Origin::of_request("the request")), "task.targets.svg.file");
-    assert_eq!(spec.warnings, []);
+    assert!(spec.warnings.is_empty());
     let with_text = drawing.replace("</svg>", "<text>A</text></svg>");
     std::fs::write(folder.path().join("square.svg"), with_text).unwrap();
     let warned = JobSpec::from_json(&text, &Origin::of_file(&folder.path().join("job.json")), None).unwrap();
