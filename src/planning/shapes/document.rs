@@ -28,11 +28,10 @@ pub fn path_data_of(document: &str) -> Result<(String, String), String> {
     let tree = Tree::from_xmltree(&document, &options).map_err(|error| error.to_string())?;
     let mut d = String::new();
     append(tree.root(), Affine::IDENTITY, &mut d);
-    if d.is_empty() {
+    if d.pop().is_none() {
         let beside = if beside.is_empty() { "no shapes" } else { &beside };
         return Err(format!("nothing drawn ({beside})"));
     }
-    d.pop();
     Ok((d, beside))
 }
 

@@ -14,9 +14,6 @@ const MOST_BYTES: usize = 16 << 20;
 /// Bytes of an element without path data and points.
 const ELEMENT_BYTES: usize = 128;
 
-/// Most bytes of gradients and patterns times the number of elements, each of which may get a copy.
-const MOST_PAINT: usize = 256 << 20;
-
 /// Most elements of a document within each other.
 const MOST_DEEP: usize = 100;
 
@@ -50,18 +47,26 @@ pub(super) fn beside_paths(document: &Document<'_>) -> Result<String, String> {
     // few of the rules of a style sheet apply to an element
     let element_bytes = ELEMENT_BYTES + sheets.filter_map(|sheet| sheet.text()).map(str::len).sum::<usize>() / 8;
     let (mut bytes, mut paint_bytes, mut elements, mut beside) = (0, 0_usize, 0, BTreeSet::new());
-    let mut open = vec![(document.root_element(), 0, true, false)];
-    while let Some((node, depth, is_drawn, is_paint)) = open.pop() {
+    let mut open = vec![(document.root_element(), 0, true, 0)];
+    while let Some((node, depth, is_drawn, paint)) = open.pop() {
         let name = node.tag_name().name();
         let data = ["d", "points"].iter().filter_map(|data| node.attribute(*data)).map(str::len);
-        let is_paint = is_paint || name == "pattern" || name.ends_with("Gradient");
+        // each element may get a copy of its gradient or pattern: a sixteenth of the bytes, as few get a large one
+        let paint = paint.max(match name {
+            "pattern" => 32,
+            "linearGradient" | "radialGradient" => 2,
+            _ => 0,
+        });
         let is_drawn =
-            is_drawn && !is_paint && !is_one_of(name, NOT_DRAWN) && node.attribute("display") != Some("none");
+            is_drawn && paint == 0 && !is_one_of(name, NOT_DRAWN) && node.attribute("display") != Some("none");
         elements += 1;
         bytes += element_bytes + data.sum::<usize>();
-        paint_bytes += if is_paint { element_bytes } else { 0 };
-        if depth > MOST_DEEP || bytes + ELEMENT_BYTES * open.len() > MOST_BYTES {
-            return Err(format!("elements more than {MOST_DEEP} deep or, with copies, of more than 16 MiB"));
+        paint_bytes += paint;
+        let with_copies = paint_bytes.saturating_mul(elements).max(bytes + ELEMENT_BYTES * open.len());
+        if depth > MOST_DEEP || with_copies > MOST_BYTES {
+            return Err(format!(
+                "elements too deep ({MOST_DEEP}), or too many with copies by `use`, gradients and patterns"
+            ));
         }
         if is_drawn || name == "style" {
             look_at(node, &mut beside);
@@ -70,10 +75,7 @@ pub(super) fn beside_paths(document: &Document<'_>) -> Result<String, String> {
         let copied = link.and_then(|id| by_id.get(id)).copied();
         let children = node.children().filter(|child| matches!(child.tag_name().namespace(), None | Some(SVG)));
         let within = copied.into_iter().chain(children.filter(Node::is_element));
-        open.extend(within.map(|child| (child, depth + 1, is_drawn, is_paint)));
-    }
-    if paint_bytes.saturating_mul(elements) > MOST_PAINT {
-        return Err("large gradients or patterns and many elements".to_owned());
+        open.extend(within.map(|child| (child, depth + 1, is_drawn, paint)));
     }
     Ok(beside.into_iter().collect::<Vec<_>>().join(", "))
 }
