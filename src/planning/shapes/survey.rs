@@ -47,11 +47,11 @@ pub(super) fn beside_paths(document: &Document<'_>) -> Result<String, String> {
     // few of the rules of a style sheet apply to an element
     let element_bytes = ELEMENT_BYTES + sheets.filter_map(|sheet| sheet.text()).map(str::len).sum::<usize>() / 8;
     let (mut bytes, mut paint_bytes, mut elements, mut beside) = (0, 0_usize, 0, BTreeSet::new());
-    let mut open = vec![(document.root_element(), 0, true, 0)];
+    let mut open = vec![(document.root_element(), 0, true, 0_usize)];
     while let Some((node, depth, is_drawn, paint)) = open.pop() {
         let name = node.tag_name().name();
         let data = ["d", "points"].iter().filter_map(|data| node.attribute(*data)).map(str::len);
-        // each element may get a copy of its gradient or pattern: a sixteenth of the bytes, as few get a large one
+        // every element may get a copy of a gradient or pattern; in sixteenths, as few get the largest one
         let paint = paint.max(match name {
             "pattern" => 32,
             "linearGradient" | "radialGradient" => 2,
