@@ -3,7 +3,7 @@ use usvg::roxmltree::{Document, ParsingOptions};
 use usvg::tiny_skia_path::{self, PathSegment};
 use usvg::{Group, ImageHrefResolver, Node, Options, Transform, Tree};
 
-use super::survey::beside_paths;
+use super::survey::{PATTERN, beside_paths};
 
 /// Style over that of the document, of every element: what changes no outline, and may take any amount of memory.
 const PLAIN: &str = "* { clip-path: none !important; filter: none !important; marker: none !important; \
@@ -19,7 +19,8 @@ pub fn path_data_of(document: &str) -> Result<(String, String), String> {
         return Err("entities of its own".to_owned());
     }
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
-    let document = Document::parse_with_options(document, options).map_err(|error| error.to_string())?;
+    let text = document.replace("<pattern", &format!("<{PATTERN}")).replace("</pattern", &format!("</{PATTERN}"));
+    let document = Document::parse_with_options(&text, options).map_err(|error| error.to_string())?;
     let beside = beside_paths(&document)?;
     // files and data that images name are not read
     let image_href_resolver =
@@ -155,6 +156,7 @@ mod tests {
             ("<text>A</text>", "text left out"),
             ("<image href='/dev/zero' width='1' height='1'/>", "image left out"),
             ("<path mask='url(#m)' d='M0 0 H5'/>", "mask left out"),
+            ("<defs><pattern id='p'><g fill='url(#p)'><rect/></g></pattern></defs>", "fill-pattern left out"),
             ("<path style='fill:red; marker-end: url(#m)' d='M0 0 H5'/>", "marker-end left out"),
             ("<style>path { clip-path: url(#c) }</style>", "clip-path left out"),
             ("<style>path { cx: 3px }</style>", "cx left out"),
@@ -182,7 +184,9 @@ mod tests {
             (long + &r##"<use href="#p"/>"##.repeat(100), "copies"),
             (deep, "deep"),
             (r##"<g id="g"><use href="#g"/></g>"##.to_owned(), "deep"),
-            (format!("<pattern>{0}</pattern>{0}", "<g/>".repeat(5_000)), "patterns"),
+            (r##"<linearGradient id="a" href="#b"/><linearGradient id="b" href="#a"/>"##.to_owned(), "deep"),
+            (format!("<linearGradient>{0}</linearGradient>{0}", "<stop/>".repeat(5_000)), "gradients"),
+            ("<s:pattern xmlns:s='http://www.w3.org/2000/svg'/>".to_owned(), "patterns"),
         ] {
             assert!(drawn(&content).unwrap_err().contains(found), "{found}");
         }

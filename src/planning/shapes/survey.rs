@@ -18,14 +18,17 @@ const ELEMENT_BYTES: usize = 128;
 const MOST_DEEP: usize = 100;
 
 /// Elements whose content is not drawn where it is defined.
-const NOT_DRAWN: &str = "defs clipPath filter marker mask";
+const NOT_DRAWN: &str = "defs clipPath fill-pattern filter marker mask";
+
+/// Other name of a pattern, under which it is no part of a drawing: patterns may be within each other without end.
+pub(super) const PATTERN: &str = "fill-pattern";
 
 /// Elements beside `path` that have an outline.
 const SHAPES: &str = "circle ellipse line polygon polyline rect";
 
 /// Elements and their attributes that are left out.
-const LEFT_OUT: &str = "animate animateMotion animateTransform clip-path filter foreignObject image marker-end \
-    marker-mid marker-start mask script set text transform-box";
+const LEFT_OUT: &str = "animate animateMotion animateTransform clip-path fill-pattern filter foreignObject image \
+    marker-end marker-mid marker-start mask script set text transform-box";
 
 /// Properties that are left out where they are in styles.
 const LEFT_OUT_OF_STYLES: &str = "clip-path cx cy d filter height marker marker-end marker-mid marker-start mask r \
@@ -46,36 +49,32 @@ pub(super) fn beside_paths(document: &Document<'_>) -> Result<String, String> {
     let sheets = document.descendants().filter(|node| node.tag_name().name() == "style");
     // few of the rules of a style sheet apply to an element
     let element_bytes = ELEMENT_BYTES + sheets.filter_map(|sheet| sheet.text()).map(str::len).sum::<usize>() / 8;
-    let (mut bytes, mut paint_bytes, mut elements, mut beside) = (0, 0_usize, 0, BTreeSet::new());
-    let mut open = vec![(document.root_element(), 0, true, 0_usize)];
-    while let Some((node, depth, is_drawn, paint)) = open.pop() {
+    let (mut bytes, mut stops, mut elements, mut beside) = (0, 0_usize, 0, BTreeSet::new());
+    let mut open = vec![(document.root_element(), 0, true, false)];
+    while let Some((node, depth, is_drawn, is_gradient)) = open.pop() {
         let name = node.tag_name().name();
         let data = ["d", "points"].iter().filter_map(|data| node.attribute(*data)).map(str::len);
-        // every element may get a copy of a gradient or pattern; in sixteenths, as few get the largest one
-        let paint = paint.max(match name {
-            "pattern" => 32,
-            "linearGradient" | "radialGradient" => 2,
-            _ => 0,
-        });
+        let is_gradient = is_gradient || name.ends_with("Gradient");
         let is_drawn =
-            is_drawn && paint == 0 && !is_one_of(name, NOT_DRAWN) && node.attribute("display") != Some("none");
+            is_drawn && !is_gradient && !is_one_of(name, NOT_DRAWN) && node.attribute("display") != Some("none");
         elements += 1;
         bytes += element_bytes + data.sum::<usize>();
-        paint_bytes += paint;
-        let with_copies = paint_bytes.saturating_mul(elements).max(bytes + ELEMENT_BYTES * open.len());
-        if depth > MOST_DEEP || with_copies > MOST_BYTES {
+        // every element may get a copy of the stops of a gradient
+        stops += usize::from(is_gradient);
+        let with_copies = stops.saturating_mul(elements).max(bytes + ELEMENT_BYTES * open.len());
+        if depth > MOST_DEEP || with_copies > MOST_BYTES || name == "pattern" {
             return Err(format!(
-                "elements too deep ({MOST_DEEP}), or too many with copies by `use`, gradients and patterns"
+                "elements too deep ({MOST_DEEP}) or too many with copies by `use`, gradients, patterns"
             ));
         }
-        if is_drawn || name == "style" {
+        if is_drawn || name == "style" || name == PATTERN {
             look_at(node, &mut beside);
         }
-        let link = node.attribute("href").filter(|_| name == "use").and_then(|link| link.trim().strip_prefix('#'));
-        let copied = link.and_then(|id| by_id.get(id)).copied();
+        let link = node.attribute("href").filter(|_| name == "use" || is_gradient);
+        let copied = link.and_then(|link| by_id.get(link.trim().strip_prefix('#')?)).copied();
         let children = node.children().filter(|child| matches!(child.tag_name().namespace(), None | Some(SVG)));
         let within = copied.into_iter().chain(children.filter(Node::is_element));
-        open.extend(within.map(|child| (child, depth + 1, is_drawn, paint)));
+        open.extend(within.map(|child| (child, depth + 1, is_drawn, is_gradient)));
     }
     Ok(beside.into_iter().collect::<Vec<_>>().join(", "))
 }
