@@ -11,4 +11,4 @@ pub use diagnostic::{
     Diagnostic, DiagnosticClass, Diagnostics, Path, TextPosition, counted, listed, nearest, one_of, quoted, shown,
 };
 pub use file_kind::Document;
-pub use read::{MOST_BYTES, parse, parse_and_build, reason, schema_of, text_of};
+pub use read::{MOST_BYTES, parse, parse_and_build, reason, schema_of, text_of, text_within};

@@ -14,6 +14,7 @@ mod document;
 mod drawing;
 mod font;
 mod pattern;
+mod survey;
 mod svg;
 
 pub use curves::{circle_path, closed_from, lissajous_path};
@@ -21,7 +22,6 @@ pub use document::path_data_of;
 pub use drawing::Drawing;
 pub use font::known_letters;
 pub use pattern::Pattern;
-pub use svg::Size;
 
 /// Greatest distance between a curve and its polyline, m.
 pub const TOLERANCE_M: f64 = 5e-5;

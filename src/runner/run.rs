@@ -228,7 +228,7 @@ impl Session<'_> {
         }
         let mut report = stats.report(ending(job, Some(setup), finish, wall_time_s));
         report.recording = options.recording_options.recording.ended_early();
-        report.warnings = warning.into_iter().collect();
+        report.warnings = job.warnings.iter().map(ToString::to_string).chain(warning).collect();
         report.pacing = options.real_time.then(|| controls.pacing.report(missed_before));
         report.verdict = verdict(job, &report);
         let reported = folder.write_report(&report);

@@ -41,16 +41,24 @@ fn close(schema: &mut Value) {
     }
 }
 
+/// The text of the file at `path`, of up to [`MOST_BYTES`], without its byte order mark.
+///
+/// # Errors
+/// As [`text_within`].
+pub fn text_of(path: &FilePath) -> Result<String, Vec<Diagnostic>> {
+    text_within(path, MOST_BYTES)
+}
+
 /// The text of the file at `path`, without its byte order mark.
 ///
 /// # Errors
-/// The only fault of a file that cannot be read, is larger than [`MOST_BYTES`] or is not UTF-8.
-pub fn text_of(path: &FilePath) -> Result<String, Vec<Diagnostic>> {
+/// The only fault of a file that cannot be read, is larger than `most` bytes, a number of MiB, or is not UTF-8.
+pub fn text_within(path: &FilePath, most: u64) -> Result<String, Vec<Diagnostic>> {
     let fault =
         |found: String, allowed: &str| vec![Diagnostic::new(&path.display().to_string(), Path::root(), found, allowed)];
-    let bytes = bytes_of(path).map_err(|error| vec![unreadable(path, &error)])?;
-    if bytes.len() as u64 > MOST_BYTES {
-        return Err(fault("a larger file".to_owned(), "up to 1 MiB (1048576 bytes)"));
+    let bytes = bytes_of(path, most).map_err(|error| vec![unreadable(path, &error)])?;
+    if bytes.len() as u64 > most {
+        return Err(fault("a larger file".to_owned(), &format!("up to {} MiB ({most} bytes)", most >> 20)));
     }
     let text = String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
@@ -93,9 +101,9 @@ pub fn reason(error: &io::Error) -> String {
 }
 
 /// Reads at most one byte more than is allowed, so that endless files end here too.
-fn bytes_of(path: &FilePath) -> io::Result<Vec<u8>> {
+fn bytes_of(path: &FilePath, most: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    File::open(path)?.take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
+    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 

@@ -120,11 +120,11 @@ fn lines_of(path: &BezPath) -> Vec<Vec<Vec<Vec2>>> {
         .collect()
 }
 
-fn flattened(segment: PathSeg) -> Vec<Vec2> {
-    let mut points = vec![Vec2::new(segment.start().x, segment.start().y)];
+/// The segment as straight pieces.
+pub(super) fn flattened(segment: PathSeg) -> Vec<Vec2> {
+    let mut points = Vec::new();
     kurbo::flatten([PathEl::MoveTo(segment.start()), segment.as_path_el()], TOLERANCE, |element| {
-        points
-            .extend(element.end_point().filter(|_| matches!(element, PathEl::LineTo(_))).map(|p| Vec2::new(p.x, p.y)));
+        points.extend(element.end_point().map(|point| Vec2::new(point.x, point.y)));
     });
     points
 }

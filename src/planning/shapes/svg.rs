@@ -4,31 +4,25 @@ use kurbo::{Affine, BezPath, Shape};
 use svgtypes::{SimplePathSegment, SimplifyingPathParser};
 
 use super::Drawing;
-use super::drawing::Knots;
+use super::drawing::{Knots, flattened};
 use upm_core::geometry::Vec2;
 
 /// Most lines of a drawing; no plate has parts for more.
 const MOST_LINES: usize = 256;
 
+/// Most points of a drawing's lines once its curves are straight pieces; bounds their memory.
+const MOST_POINTS: usize = 1_000_000;
+
 /// Greatest ratio of a drawing's derived side to the side given.
 const MOST_SHAPE: f64 = 1e3;
 
-/// Extent of a drawing along one axis, m; the other extent follows.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Size {
-    /// Extent along x, m.
-    Width(f64),
-    /// Extent along y, m.
-    Height(f64),
-}
-
 impl Drawing {
-    /// Drawing of the path data `d`, scaled to `size`, with the middle of its extent at `center_m`.
+    /// Drawing of the path data `d` with the middle of its extent at `center_m`, of this width or else of this height.
     ///
     /// # Errors
-    /// The fault of `d` where it is not valid path data, has too many lines, draws nothing, or has next to no extent
-    /// along the given axis.
-    pub fn of_svg(d: &str, size: Size, center_m: Vec2) -> Result<Self, String> {
+    /// The fault of `d` where it is not valid path data, has too many lines or points, draws nothing, or has next to no
+    /// extent along the given axis.
+    pub fn of_svg(d: &str, width_m: Option<f64>, height_m: Option<f64>, center_m: Vec2) -> Result<Self, String> {
         let mut path = parsed(d)?;
         let lines = path.subpaths().count();
         if lines > MOST_LINES {
@@ -38,10 +32,7 @@ impl Drawing {
             return Err("no line".to_owned());
         }
         let extent = path.bounding_box();
-        let (size_m, unit) = match size {
-            Size::Width(width_m) => (width_m, extent.width()),
-            Size::Height(height_m) => (height_m, extent.height()),
-        };
+        let unit = if width_m.is_some() { extent.width() } else { extent.height() };
         let shape = extent.width().max(extent.height()) / unit;
         if shape.is_nan() || shape > MOST_SHAPE {
             return Err("a drawing with next to no extent along that axis".to_owned());
@@ -49,7 +40,15 @@ impl Drawing {
         path.apply_affine(
             Affine::scale_non_uniform(1.0 / unit, -1.0 / unit) * Affine::translate(-extent.center().to_vec2()),
         );
-        Ok(Self::of_path(&path, Knots::Ends, size_m, center_m))
+        let mut points = 0;
+        let fits = |segment| {
+            points += flattened(segment).len();
+            points <= MOST_POINTS
+        };
+        if !path.segments().all(fits) {
+            return Err(format!("curves of more than {MOST_POINTS} straight pieces"));
+        }
+        Ok(Self::of_path(&path, Knots::Ends, width_m.or(height_m).unwrap_or_default(), center_m))
     }
 }
 
@@ -86,7 +85,7 @@ mod tests {
     #[test]
     fn drawing_is_upright_and_at_its_place() {
         let center_m = Vec2::new(0.01, 0.02);
-        let tee = Drawing::of_svg("m 10 10 h 20 m -10 0 v 40", Size::Height(0.08), center_m).unwrap();
+        let tee = Drawing::of_svg("m 10 10 h 20 m -10 0 v 40", None, Some(0.08), center_m).unwrap();
         let places = tee.places(tee.fewest()).unwrap();
         let [low, high] = extent(&places);
         assert!((low - Vec2::new(-0.01, -0.02)).norm() < 1e-12 && (high - Vec2::new(0.03, 0.06)).norm() < 1e-12);
@@ -104,7 +103,7 @@ mod tests {
                 .map(|(i, (x, y))| format!("{}{x} {y}", if i == 0 { "M" } else { "L" })).collect();
             prop_assume!(corners.iter().any(|(x, _)| *x != corners[0].0));
             prop_assume!(corners.first() != corners.last());
-            let drawing = Drawing::of_svg(&d, Size::Width(width_m), Vec2::zeros()).unwrap();
+            let drawing = Drawing::of_svg(&d, Some(width_m), None, Vec2::zeros()).unwrap();
             let points = drawing.single_line().unwrap();
             let [low, high] = extent(&points);
             prop_assert!((high.x - low.x - width_m).abs() < 1e-9);
@@ -117,7 +116,7 @@ mod tests {
 
         #[test]
         fn no_text_makes_it_panic(d in "[MmLlHhVvCcSsQqTtAaZz0-9 .,eE+-]{0,40}") {
-            if let Ok(drawing) = Drawing::of_svg(&d, Size::Height(0.1), Vec2::zeros()) {
+            if let Ok(drawing) = Drawing::of_svg(&d, None, Some(0.1), Vec2::zeros()) {
                 let places = drawing.places(drawing.fewest() + 5).unwrap_or_default();
                 prop_assert!(places.iter().all(|place| place.iter().all(|x| x.is_finite())));
             }

@@ -2,63 +2,60 @@
 
 use super::job_file::{JobFile, TaskSection};
 use super::read::{Origin, exactly_one};
-use super::shape_file::SvgShape;
-use upm_core::document::{Diagnostic, Diagnostics, Path, text_of};
+use super::shape_file::{LONGEST_DATA, SvgShape};
+use upm_core::document::{Diagnostic, Diagnostics, Path, text_within};
 use upm_planning::shapes::path_data_of;
 
-/// Longest path data accepted in a job, bytes.
-const LONGEST_DATA: usize = 65_536;
-
 impl JobFile {
-    /// The same job with path data in place of its drawing files.
+    /// The same job with path data in place of its drawing files, and warnings of what is in them beside paths.
     ///
     /// # Errors
     /// Every file that cannot be read or contains no path.
-    pub fn with_drawings_written_out(mut self, origin: &Origin) -> Result<Self, Vec<Diagnostic>> {
+    pub fn with_drawings_written_out(mut self, origin: &Origin) -> Result<(Self, Vec<Diagnostic>), Vec<Diagnostic>> {
         let mut faults = Diagnostics::of(&origin.file);
-        write_out(&mut self.task, origin, &mut faults);
-        faults.into_result(Some(self))
+        let warnings = write_out(&mut self.task, origin, &mut faults);
+        faults.into_result(Some((self, warnings)))
     }
 }
 
-/// Writes path data in place of every file that the task names.
-pub(super) fn write_out(task: &mut TaskSection, origin: &Origin, faults: &mut Diagnostics) {
+/// Writes path data in place of every file that the task names, and warns of what is in them beside paths.
+pub(super) fn write_out(task: &mut TaskSection, origin: &Origin, faults: &mut Diagnostics) -> Vec<Diagnostic> {
     let at = Path::root().key("task");
-    match task {
+    let shapes: Vec<(Path, &mut SvgShape)> = match task {
         TaskSection::Arrange { targets: Some(targets), .. } => {
-            let at = at.key("targets").key("svg");
-            targets.svg.iter_mut().for_each(|svg| write_out_one(svg, &at, origin, faults));
+            targets.svg.iter_mut().map(|svg| (at.key("targets"), svg)).collect()
         }
         TaskSection::Trajectories { paths, .. } => {
-            for (i, path) in paths.iter_mut().enumerate() {
-                let at = at.key("paths").index(i).key("svg");
-                path.svg.iter_mut().for_each(|svg| write_out_one(svg, &at, origin, faults));
-            }
+            let each = paths.iter_mut().enumerate();
+            each.filter_map(|(i, path)| Some((at.key("paths").index(i), path.svg.as_mut()?))).collect()
         }
         TaskSection::PlusSign { .. }
         | TaskSection::Arrange { .. }
         | TaskSection::Sort { .. }
-        | TaskSection::Hold { .. } => {}
-    }
+        | TaskSection::Hold { .. } => Vec::new(),
+    };
+    shapes.into_iter().filter_map(|(at, svg)| write_out_one(svg, &at.key("svg"), origin, faults)).collect()
 }
 
-fn write_out_one(svg: &mut SvgShape, at: &Path, origin: &Origin, faults: &mut Diagnostics) {
+fn write_out_one(svg: &mut SvgShape, at: &Path, origin: &Origin, faults: &mut Diagnostics) -> Option<Diagnostic> {
     if !exactly_one(svg, &["file", "d"], at, faults) {
         svg.d = None;
-        return;
+        return None;
     }
-    let Some(named) = svg.file.take() else { return };
-    let at = at.key("file");
-    let Some(path) = origin.named_file(&named, &at, faults) else { return };
-    match text_of(&path) {
+    let (named, at) = (svg.file.take()?, at.key("file"));
+    let path = origin.named_file(&named, &at, faults)?;
+    match text_within(&path, LONGEST_DATA as u64).map(|text| path_data_of(&text)) {
         Err(unread) => faults.append(unread),
-        Ok(text) => match path_data_of(&text) {
-            Err(found) => faults.push(&at, format!("{} with {found}", path.display()), "an SVG drawing with paths"),
-            Ok(d) if d.len() > LONGEST_DATA => {
-                let found = format!("{} with path data of {} bytes", path.display(), d.len());
-                faults.push(&at, found, format!("up to {LONGEST_DATA} bytes: a simpler drawing"));
-            }
-            Ok(d) => svg.d = Some(d),
-        },
+        Ok(Err(found)) => faults.push(&at, format!("{} with {found}", path.display()), "an SVG drawing with paths"),
+        Ok(Ok((d, _))) if d.len() > LONGEST_DATA => {
+            let found = format!("{} with path data of {} bytes", path.display(), d.len());
+            faults.push(&at, found, format!("up to {LONGEST_DATA} bytes: a simpler drawing"));
+        }
+        Ok(Ok((d, others))) => {
+            svg.d = Some(d);
+            let found = format!("{} with {others}", path.display());
+            return (!others.is_empty()).then(|| Diagnostic::new(&origin.file, &at, found, "plain paths"));
+        }
     }
+    None
 }

@@ -50,6 +50,8 @@ pub struct JobSpec {
     pub false_alarms_per_1000_h: f64,
     /// Policy for a computer that is too slow for the plate.
     pub deadlines: DeadlinePolicy,
+    /// Warnings of what is in its drawings beside paths.
+    pub warnings: Vec<Diagnostic>,
     /// Contents of the file with all defaults written out, without the rig.
     document: JobFile,
 }
@@ -80,7 +82,7 @@ impl JobSpec {
             faults.require(alone, &at, format!("a position for {} parts", group.count), "a position only with count 1");
         }
         // path data replaces a drawing's file, so that a run folder needs no other file
-        drawings::write_out(&mut document.task, origin, faults);
+        let warnings = drawings::write_out(&mut document.task, origin, faults);
         let library = library_of(&document, origin, faults);
         let rig = rig_of(document.rig.take(), origin, plate_rig, document.plate.as_deref(), faults)?;
         let parts = groups_of(&document, &rig, faults);
@@ -99,6 +101,9 @@ impl JobSpec {
         let of_rig = document.faults.as_ref().map(|list| faults::build(list, each_kind(&parts).len(), &at, faults));
         // faults drawn by a seed are written out, so that the run folder documents them
         document.faults = of_rig.as_ref().map(|specs| FaultList::List(specs.iter().map(fault_entry).collect()));
+        if !faults.is_empty() {
+            faults.append(warnings.clone());
+        }
         Some(Self {
             file: origin.file.clone(),
             name: document.name.clone(),
@@ -115,6 +120,7 @@ impl JobSpec {
             without_guard: None,
             false_alarms_per_1000_h: document.false_alarms_per_1000_h,
             deadlines: document.deadlines,
+            warnings,
             rig,
             document,
         })

@@ -3,6 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Longest path data of a drawing, and its largest file, bytes.
+pub(super) const LONGEST_DATA: usize = 4 << 20;
+
 /// Places for the parts by one rule; exactly one of its keys.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct TargetRule {
@@ -65,10 +68,10 @@ pub(crate) struct TextShape {
 /// A drawing: a file or path data, and its width or its height.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct SvgShape {
-    /// Path of an SVG file relative to this one; its `path` elements are taken, with their transforms.
+    /// Path of an SVG file relative to this one; its outlines are taken as a browser places them.
     pub(crate) file: Option<String>,
     /// Path data as in the attribute `d` of a `path` element, y downwards.
-    #[schemars(length(min = 1, max = 65536))]
+    #[schemars(length(min = 1, max = LONGEST_DATA))]
     pub(crate) d: Option<String>,
     /// Width of the drawing, mm; its height follows.
     #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]

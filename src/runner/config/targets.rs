@@ -8,7 +8,7 @@ use super::task::TaskContext;
 use upm_core::document::{Diagnostics, Path, counted, quoted};
 use upm_core::geometry::Vec2;
 use upm_core::units::{m_from_mm, mm_from_m};
-use upm_planning::shapes::{Drawing, Pattern, Size, known_letters};
+use upm_planning::shapes::{Drawing, Pattern, known_letters};
 
 impl TaskContext<'_> {
     /// One place per part, m. Faults where parts would not have room.
@@ -137,13 +137,13 @@ pub(super) fn drawing_of(shape: &SvgShape, at: &Path, faults: &mut Diagnostics) 
     if !exactly_one(shape, &["width_mm", "height_mm"], at, faults) {
         return None;
     }
-    let (name, size_mm, size) = match (width_mm, height_mm) {
-        (Some(mm), _) => ("width_mm", *mm, Size::Width(m_from_mm(*mm))),
-        (None, mm) => ("height_mm", mm.unwrap_or_default(), Size::Height(m_from_mm(mm.unwrap_or_default()))),
-    };
+    let name = if width_mm.is_some() { "width_mm" } else { "height_mm" };
+    let [width_m, height_m] = [width_mm, height_mm].map(|mm| mm.map(m_from_mm));
     let center_m = point_m(*center_mm);
-    match Drawing::of_svg(d.as_deref()?, size, center_m) {
-        Ok(drawing) => Some((drawing, Growth { name, size_mm: vec![size_mm], center_m })),
+    match Drawing::of_svg(d.as_deref()?, width_m, height_m, center_m) {
+        Ok(drawing) => {
+            Some((drawing, Growth { name, size_mm: width_mm.or(*height_mm).into_iter().collect(), center_m }))
+        }
         Err(error) => {
             faults.push(at.key("d"), error, "SVG path data that draws up to 256 lines, such as M0 0 H10 V10 Z");
             None

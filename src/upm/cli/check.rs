@@ -25,7 +25,7 @@ pub(super) struct ValidFile {
     says: String,
     /// Coverage of a library, or the forecast of a job, if requested.
     report: Option<FileReport>,
-    /// Warnings of tolerances tighter than the rig can hold. A job with warnings is valid.
+    /// Warnings of drawings, and of tolerances tighter than the rig can hold. A job with warnings is valid.
     warnings: Vec<String>,
 }
 
@@ -199,7 +199,7 @@ fn check_job(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Commo
         let (chart, is_failure) = (plan_picture::plan_chart(&plan), plan.verdict().is_failure());
         report = Some(FileReport { key: "plan", lines: plan.lines(), json: plan.json(), chart, is_failure });
     }
-    let warnings = lines(tolerance_warning(&job, &library).into_iter().collect());
+    let warnings = lines(job.warnings.iter().cloned().chain(tolerance_warning(&job, &library)).collect());
     Ok(ValidFile { says, report, warnings })
 }
 

@@ -72,6 +72,13 @@ fn drawing_of_a_file_is_written_out() {
     assert_eq!(effective.pointer("/task/targets/svg/d").unwrap(), "M0,0 L30,0 L30,30 L0,30 Z");
     let named = |origin: &Origin| JobSpec::from_json(&text, origin, None).unwrap_err()[0].path.clone();
     assert_eq!(named(&Origin::of_request("the request")), "task.targets.svg.file");
+    assert!(spec.warnings.is_empty());
+    let with_text = drawing.replace("</svg>", "<text>A</text></svg>");
+    std::fs::write(folder.path().join("square.svg"), with_text).unwrap();
+    let warned = JobSpec::from_json(&text, &Origin::of_file(&folder.path().join("job.json")), None).unwrap();
+    let told = warned.warnings[0].to_string();
+    assert!(told.contains("job.json: task.targets.svg.file: expected plain paths, found "), "{told}");
+    assert!(told.ends_with("square.svg with text left out") && warned.task == spec.task, "{told}");
     std::fs::remove_file(folder.path().join("square.svg")).unwrap();
     let again =
         JobSpec::from_json(&effective.to_string(), &Origin::of_file(&folder.path().join("effective.json")), None)

@@ -65,16 +65,18 @@ fn sendable(file: &Path) -> Result<JobFile, Failure> {
 }
 
 fn checked_job(file: &Path) -> Result<JobFile, Failure> {
-    match JobSpec::load(file) {
-        Ok(job) => serde_json::from_value(job.effective()).map_err(Failure::failed),
+    let (job, warnings) = match JobSpec::load(file) {
+        Ok(job) => (serde_json::from_value(job.effective()).map_err(Failure::failed)?, job.warnings),
         // a job without a rig runs on that of the plate: the daemon, which knows it, checks the rest
         Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.class == DiagnosticClass::Missing) => {
             let text = text_of(file).map_err(Failure::of_files)?;
             let job: JobFile = parse(&text, &file.display().to_string()).map_err(Failure::of_files)?;
-            job.with_drawings_written_out(&Origin::of_file(file)).map_err(Failure::faults)
+            job.with_drawings_written_out(&Origin::of_file(file)).map_err(Failure::faults)?
         }
-        Err(faults) => Err(Failure::of_files(faults)),
-    }
+        Err(faults) => return Err(Failure::of_files(faults)),
+    };
+    warnings.iter().for_each(|warning| errln!("upm: warning: {warning}"));
+    Ok(job)
 }
 
 fn body_of(job: &JobFile, file: &Path) -> Result<String, Failure> {
