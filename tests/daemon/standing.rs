@@ -21,7 +21,7 @@ fn folder(config: &Value, change: impl FnOnce(&mut Value)) -> TempDir {
     let folder = TempDir::new().unwrap();
     let mut job = json!({
         "name": "standing", "rig": root().join("configs/rigs/upm-2.json"), "parts": [{"kind": "penny"}],
-        "task": {"type": "plus_sign", "laps": 0}, "limits": {"plate_time_s": 3600},
+        "task": {"type": "plus_sign", "laps": 0}, "planner": "synthesized_field", "limits": {"plate_time_s": 3600},
     });
     change(&mut job);
     fs::write(folder.path().join("daemon.json"), config.to_string()).unwrap();
