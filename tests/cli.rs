@@ -77,11 +77,6 @@ fn shipped(folder: &Path, name: &str, change: impl FnOnce(&mut Value)) -> PathBu
     file(folder, "job.json", &job)
 }
 
-/// The shipped plus-sign job, altered by `change`, in a new file.
-fn job(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
-    shipped(folder, "plus-sign", change)
-}
-
 /// Runs a job; returns its run folder and report.
 fn run(job: &Path, out: &Path, more: &[&str], expected: i32) -> (PathBuf, Value) {
     let args = ["run", job.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rerun", "off", "-q", "--json"];

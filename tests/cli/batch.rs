@@ -16,7 +16,6 @@ fn to_the_middle(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
     shipped(folder, "plus-sign-upm-2", |job| {
         job["name"] = json!("to-the-middle");
         job["planner"] = json!("synthesized_field");
-        job["parts"] = json!([{"kind": "penny"}]);
         job["task"] = json!({"type": "arrange", "targets_mm": [[0, 0]]});
         change(job);
     })

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::{job, root, shipped, status};
+use super::{root, shipped, status};
 
 /// Runs `upm check --plan --json` for one job and expects this exit status; returns the job's row.
 fn planned(file: &Path, expected: i32) -> Value {
@@ -35,14 +35,14 @@ fn hardly_along_y(folder: &Path) -> PathBuf {
         |velocity: [f64; 2]| json!({"amplitudes": [-270, 68, 267, -65], "velocity_mm_s": velocity, "spin_rad_s": 0.0});
     library["entries"] = json!([motion([40.0, 0.0]), motion([30.0, 0.0]), motion([0.0, 8.5])]);
     fs::write(folder.join("library.json"), library.to_string()).unwrap();
-    job(folder, |job| job["library"] = json!("library.json"))
+    shipped(folder, "plus-sign", |job| job["library"] = json!("library.json"))
 }
 
 #[test]
 fn feasible_job_is_reported_with_its_figures_and_drawn() {
     let folder = TempDir::new().unwrap();
     let file = shipped(folder.path(), "trajectories", |job| {
-        (0..2).for_each(|path| job["task"]["paths"][path]["repeat"] = json!(1));
+        (0..2_usize).for_each(|path| job["task"]["paths"][path]["repeat"] = json!(1));
     });
     let (file, picture) = (file.to_str().unwrap(), folder.path().join("plan.svg"));
     let args = ["check", file, "--plan", "--picture", picture.to_str().unwrap()];
