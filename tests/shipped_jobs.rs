@@ -105,8 +105,8 @@ fn dry_runs_predict_runs_as_the_results_pages_say() {
 #[test]
 #[ignore = "long: `cargo test -- --ignored` runs it"]
 fn run_of_the_strong_rig_has_the_figures_of_the_results_page() {
-    let report = &results()["`plus-sign-upm-2`"].report;
-    let measured = ["cross_track_rms_mm", "plate_time_s"].map(|key| report[key].as_f64().unwrap());
+    let measured = |key: &str| results()["`plus-sign-upm-2`"].report[key].as_f64().unwrap();
+    let measured = ["cross_track_rms_mm", "plate_time_s"].map(measured);
     let mut page = FigurePage::open("docs/results.md");
     page.cell("| what | measured | command |", "`upm-2`, plus-sign, one lap", "measured", &measured);
     page.assert_as_measured();

@@ -105,10 +105,9 @@ fn library_with_reversed_signs_ends_the_run_before_a_coin_is_lost() {
     let folder = TempDir::new().unwrap();
     // a library with all directions reversed drives the coin away from its target
     let file = with_library(folder.path(), |library| {
-        for entry in library["entries"].as_array_mut().unwrap() {
-            for amplitude in entry["amplitudes"].as_array_mut().unwrap() {
-                *amplitude = json!(-amplitude.as_i64().unwrap());
-            }
+        let entries = library["entries"].as_array_mut().unwrap().iter_mut();
+        for amplitude in entries.flat_map(|entry| entry["amplitudes"].as_array_mut().unwrap()) {
+            *amplitude = json!(-amplitude.as_i64().unwrap());
         }
     });
     let (_, report) = run(&file, &folder.path().join("out"), &[], 1);

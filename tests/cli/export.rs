@@ -226,8 +226,8 @@ fn journals_and_reports_of_runs_fit_their_schemas() {
     let (of_line, of_report) = (schema("journal"), schema("report"));
     let mut types = std::collections::BTreeSet::new();
     let folder = TempDir::new().unwrap();
-    let faulty =
-        run(folder.path(), &by_fields(folder.path()), &["--seed", "11", "--faults", "part0:glued@3,camera:dark@5-6"]);
+    let more = ["--seed", "11", "--faults", "part0:glued@3,camera:dark@5-6"];
+    let faulty = run(folder.path(), &by_fields(folder.path()), &more);
     for run in [&RUNS[0].1, &RUNS[1].1, &faulty] {
         for line in journal(run) {
             assert_eq!(of_line.faults(&line), "", "{line}");

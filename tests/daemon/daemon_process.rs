@@ -264,8 +264,6 @@ pub fn moving(name: &str, plate_time_s: f64) -> Value {
 
 /// A job of one penny with the planner that is ready soonest.
 fn of_penny(name: &str, task: Value, plate_time_s: f64) -> Value {
-    json!({
-        "name": name, "parts": [{"kind": "penny"}], "task": task, "planner": "synthesized_field",
-        "limits": {"plate_time_s": plate_time_s},
-    })
+    let limits = json!({"plate_time_s": plate_time_s});
+    json!({"name": name, "parts": [{"kind": "penny"}], "planner": "synthesized_field", "task": task, "limits": limits})
 }
