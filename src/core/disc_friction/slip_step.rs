@@ -20,8 +20,7 @@ impl DiscFriction {
     /// zero (the disc sticks) when friction can remove all of it, force and torque together.
     #[inline]
     pub fn remaining_slip_fractions(&self, slide_mps: f64, rim_mps: f64, reach_mps: f64) -> [f64; 2] {
-        let [fractions] = self.remaining_slip_fractions_of([slide_mps], [rim_mps], [reach_mps]);
-        fractions
+        self.remaining_slip_fractions_of([slide_mps], [rim_mps], [reach_mps])[0]
     }
 
     /// [`Self::remaining_slip_fractions`] of several discs, bit for bit. A search waits most of its time for its own
