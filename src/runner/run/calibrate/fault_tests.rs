@@ -194,8 +194,8 @@ fn miswired_accelerometer_channels_are_refused_by_name() {
     }
 }
 
-/// Plate times within the small calibration's steps: coins' steps are measured from 48 s to 120 s, centres from 120 s to
-/// 126 s.
+/// Plate times within the small calibration's steps: coins' steps are measured from 48 s to 120 s, centres from 120 s
+/// to 126 s.
 const FIRST_STEPS_S: f64 = 50.0;
 const DURING_STEPS_S: f64 = 60.0;
 const DURING_CENTRES_S: f64 = 121.0;
