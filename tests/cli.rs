@@ -77,11 +77,6 @@ fn shipped(folder: &Path, name: &str, change: impl FnOnce(&mut Value)) -> PathBu
     file(folder, "job.json", &job)
 }
 
-/// The shipped plus-sign job, altered by `change`, in a new file.
-fn job(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
-    shipped(folder, "plus-sign", change)
-}
-
 /// Runs a job; returns its run folder and report.
 fn run(job: &Path, out: &Path, more: &[&str], expected: i32) -> (PathBuf, Value) {
     let args = ["run", job.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rerun", "off", "-q", "--json"];
@@ -140,8 +135,8 @@ fn tasks_without_end_are_done_at_their_plate_time_limit() {
     let folder = TempDir::new().unwrap();
     let circuit = json!({"waypoints_mm": [[0, 0], [20, 0], [0, 20]], "speed_mm_s": 10, "repeat": 0});
     for task in [json!({"type": "trajectories", "paths": [circuit]}), json!({"type": "hold"})] {
-        let file = job(folder.path(), |job| {
-            job["task"] = task.clone();
+        let file = shipped(folder.path(), "plus-sign-upm-2", |job| {
+            (job["planner"], job["task"]) = (json!("synthesized_field"), task.clone());
             job["limits"]["plate_time_s"] = json!(2);
         });
         let out = TempDir::new().unwrap();

@@ -11,7 +11,7 @@ use std::process::Command;
 use tempfile::TempDir;
 
 #[path = "figures/page.rs"]
-#[allow(dead_code)] // figures in tables
+#[allow(dead_code)] // figures in passages
 mod page;
 
 use page::FigurePage;
@@ -100,4 +100,14 @@ fn dry_runs_predict_runs_as_the_results_pages_say() {
     let excepted = page.text_between("Every ratio", "is within 0.7 to 1.4");
     let excepted: BTreeSet<String> = excepted.split('`').skip(1).step_by(2).map(str::to_owned).collect();
     assert!(excepted.iter().eq(unusual.iter().copied()), "docs/results.md excepts {excepted:?}, found {unusual:?}");
+}
+
+#[test]
+#[ignore = "long: `cargo test -- --ignored` runs it"]
+fn run_of_the_strong_rig_has_the_figures_of_the_results_page() {
+    let figures = ["cross_track_rms_mm", "plate_time_s"];
+    let measured = |key: &str| results()["`plus-sign-upm-2`"].report[key].as_f64().unwrap();
+    let mut page = FigurePage::open("docs/results.md");
+    page.cell("| what | measured | command |", "`upm-2`, plus-sign, one lap", "measured", &figures.map(measured));
+    page.assert_as_measured();
 }

@@ -26,6 +26,11 @@ pub fn perp(a: Vec2) -> Vec2 {
     Vec2::new(-a.y, a.x)
 }
 
+/// Square of the distance from `place` to the nearest of `points`; infinite where there is none.
+pub fn nearest_distance_squared(points: &[Vec2], place: Vec2) -> f64 {
+    points.iter().map(|point| (point - place).norm_squared()).fold(f64::INFINITY, f64::min)
+}
+
 /// The z component of the cross product, positive when `b` is counter-clockwise of `a`.
 #[inline]
 pub fn cross(a: Vec2, b: Vec2) -> f64 {

@@ -20,7 +20,10 @@ impl Scene {
         let mut frame = Frame::new(width, height);
         for (pixel, level) in frame.pixels.iter_mut().zip(&levels) {
             let noise: f32 = if self.noise_sd > 0.0 { StandardNormal.sample(&mut rng) } else { 0.0 };
-            *pixel = (level + self.noise_sd as f32 * noise).round().clamp(0.0, 255.0) as u8;
+            let level = (level + self.noise_sd as f32 * noise).clamp(0.0, 255.0);
+            // as `round` does, which without SSE4 is a call for every pixel
+            let whole = level as u8;
+            *pixel = whole + u8::from(level - f32::from(whole) >= 0.5);
         }
         frame
     }

@@ -9,13 +9,13 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::closed_loop::wait_for_cycle;
-use super::{job, run, status, upm};
+use super::{run, shipped, status, upm};
 
-/// A job that moves one penny from a random place to the middle.
+/// A job that moves one penny from a random place to the middle, with the planner that is ready soonest.
 fn to_the_middle(folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
-    job(folder, |job| {
+    shipped(folder, "plus-sign-upm-2", |job| {
         job["name"] = json!("to-the-middle");
-        job["parts"] = json!([{"kind": "penny"}]);
+        job["planner"] = json!("synthesized_field");
         job["task"] = json!({"type": "arrange", "targets_mm": [[0, 0]]});
         change(job);
     })

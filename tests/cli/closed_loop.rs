@@ -12,11 +12,13 @@ use tempfile::TempDir;
 
 use super::{file, read, root, run, status, upm};
 
-/// A job on a shipped rig, written to `folder`.
+/// A job on a shipped rig, written to `folder`; on `upm-2` with the planner that is ready soonest.
 fn job(folder: &Path, rig: &str, change: impl FnOnce(&mut Value)) -> PathBuf {
+    let planner = if rig == "upm-2" { "synthesized_field" } else { "cor_sequence" };
     let mut job = json!({
         "name": "test",
         "seed": 3,
+        "planner": planner,
         "rig": root().join(format!("configs/rigs/{rig}.json")),
         "parts": [{"kind": "penny"}],
         "task": {"type": "plus_sign", "laps": 1, "edge_margin_mm": 80},
@@ -84,7 +86,7 @@ fn run_is_repeated_byte_for_byte_from_its_folder_and_by_its_seed_alone() {
 #[test]
 fn run_that_loses_a_part_fails_and_says_so() {
     let change = |job: &mut Value| job["faults"] = json!([{"component": "part0", "kind": "removed", "from_s": 1.0}]);
-    let (_folder, run, report) = outcome("upm-1", change, 1);
+    let (_folder, run, report) = outcome("upm-2", change, 1);
     assert_eq!((&report["outcome"], &report["lost_parts"]), (&json!("failed"), &json!(1)), "{report}");
     assert_eq!(report["stop"]["code"], "part_lost");
     assert!(report["reason"].as_str().unwrap().contains("penny-1 is lost") && !journal(&run).is_empty(), "{report}");
@@ -103,10 +105,9 @@ fn library_with_reversed_signs_ends_the_run_before_a_coin_is_lost() {
     let folder = TempDir::new().unwrap();
     // a library with all directions reversed drives the coin away from its target
     let file = with_library(folder.path(), |library| {
-        for entry in library["entries"].as_array_mut().unwrap() {
-            for amplitude in entry["amplitudes"].as_array_mut().unwrap() {
-                *amplitude = json!(-amplitude.as_i64().unwrap());
-            }
+        let entries = library["entries"].as_array_mut().unwrap().iter_mut();
+        for amplitude in entries.flat_map(|entry| entry["amplitudes"].as_array_mut().unwrap()) {
+            *amplitude = json!(-amplitude.as_i64().unwrap());
         }
     });
     let (_, report) = run(&file, &folder.path().join("out"), &[], 1);
@@ -126,7 +127,7 @@ fn motions_out_of_the_motors_reach_are_refused() {
 #[test]
 fn an_interrupt_closes_the_run_in_good_order() {
     let folder = TempDir::new().unwrap();
-    let file = job(folder.path(), "upm-1", |job| {
+    let file = job(folder.path(), "upm-2", |job| {
         job["task"]["laps"] = json!(0);
         job["limits"]["plate_time_s"] = json!(3600);
     });
@@ -166,7 +167,7 @@ pub(super) fn wait_for_cycle(out: &Path) {
 fn a_run_in_real_time_counts_its_deadlines() {
     let folder = TempDir::new().unwrap();
     // at rest, so that a computer that stalls only misses deadlines
-    let file = job(folder.path(), "upm-1", |job| job["task"] = json!({"type": "hold", "duration_s": 0.5}));
+    let file = job(folder.path(), "upm-2", |job| job["task"] = json!({"type": "hold", "duration_s": 0.5}));
     let (_, report) = run(&file, &folder.path().join("out"), &["--pace", "real-time"], 0);
     assert!(report["deadline_misses"].is_u64() && report["worst_late_frames"].is_u64(), "{report}");
     assert!(report["behind_s"].is_f64(), "{report}");
@@ -176,7 +177,7 @@ fn a_run_in_real_time_counts_its_deadlines() {
 #[cfg(feature = "rerun")]
 fn a_run_that_cannot_begin_leaves_its_reason() {
     let folder = TempDir::new().unwrap();
-    let file = job(folder.path(), "upm-1", |_| ());
+    let file = job(folder.path(), "upm-2", |_| ());
     let out = folder.path().join("out");
     let args = ["run", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--rerun"];
     status(&[&args[..], &["connect=nonsense"]].concat(), 2);

@@ -1,6 +1,6 @@
 //! Pictures of coins on a plate, ray traced with supersampling. They share no code with the program and have a separate
 //! pinhole camera, coins with a face, a raised rim and a side wall, an area light with soft shadows, uneven light, blur
-//! and noise.
+//! and noise. Tests are hardly optimised: what is done for every ray has few calls.
 
 use std::f64::consts::TAU;
 
@@ -49,8 +49,9 @@ pub(super) struct Coin {
 }
 
 impl Coin {
-    fn covers(&self, [x, y]: [f64; 2]) -> bool {
-        (x - self.at_mm[0]).hypot(y - self.at_mm[1]) <= self.diameter_mm / 2.0
+    /// Distance of a place from the outline, negative inside it, mm.
+    fn off_mm(&self, [x, y]: [f64; 2]) -> f64 {
+        (x - self.at_mm[0]).hypot(y - self.at_mm[1]) - self.diameter_mm / 2.0
     }
 }
 
@@ -133,7 +134,7 @@ impl CoinPicture {
     /// Mean colour of a pixel: one ray if its neighbourhood is smooth, else many.
     fn pixel(&self, camera: &Camera, x: f64, y: f64) -> [f64; 3] {
         let foot = camera.plate_point(x, y, 0.0);
-        let off = |coin: &&Coin| (foot[0] - coin.at_mm[0]).hypot(foot[1] - coin.at_mm[1]) - coin.diameter_mm / 2.0;
+        let off = |coin: &&Coin| coin.off_mm(foot);
         let near: Vec<&Coin> = self.coins.iter().filter(|coin| off(coin) < NEAR_MM).collect();
         let to_side = foot.map(|v| (v.abs() - self.side_mm / 2.0).abs());
         let is_smooth = near.iter().all(|coin| off(coin) > OUTLINE_MM) && to_side.iter().all(|&off| off > OUTLINE_MM);
@@ -150,16 +151,18 @@ impl CoinPicture {
     /// Colour on one ray, given the coins that are `near`.
     fn seen(&self, camera: &Camera, near: &[&Coin], x: f64, y: f64) -> [f64; 3] {
         let at_height = |h: f64| camera.plate_point(x, y, h);
+        let foot = at_height(0.0);
         for coin in near {
             let top = at_height(coin.height_mm);
-            if coin.covers(top) {
+            // all heights of the coin are seen between these two places
+            let may_meet = coin.off_mm(foot) < (top[0] - foot[0]).hypot(top[1] - foot[1]) + 1e-6;
+            if may_meet && coin.off_mm(top) <= 0.0 {
                 return self.lit(top, self.face(coin, top), 1.0);
             }
-            if (0..6).any(|k| coin.covers(at_height(coin.height_mm * f64::from(k) / 6.0))) {
+            if may_meet && (0..6).any(|k| coin.off_mm(at_height(coin.height_mm * f64::from(k) / 6.0)) <= 0.0) {
                 return self.lit(top, coin.metal.color().map(|c| 0.8 * c), 1.0);
             }
         }
-        let foot = at_height(0.0);
         let half = self.side_mm / 2.0;
         if self.surface == Surface::Plate && (foot[0].abs() > half || foot[1].abs() > half) {
             return self.lit(foot, GROUND, 1.0);
@@ -191,11 +194,11 @@ impl CoinPicture {
         (1.0 - cast) * (1.0 - contact)
     }
 
-    fn lit(&self, [x, y]: [f64; 2], color: [f64; 3], light: f64) -> [f64; 3] {
-        let [x, y] = [x, y].map(|v| 2.0 * v / self.side_mm);
+    fn lit(&self, [x, y]: [f64; 2], [r, g, b]: [f64; 3], light: f64) -> [f64; 3] {
+        let (x, y) = (2.0 * x / self.side_mm, 2.0 * y / self.side_mm);
         let along = x * self.fall_direction.cos() + y * self.fall_direction.sin();
         let here = (1.0 - self.fall * (0.5 + 0.35 * along) - self.vignette * 0.5 * (x * x + y * y)).max(0.05);
-        color.map(|c| c * light * here)
+        [r * light * here, g * light * here, b * light * here]
     }
 }
 
@@ -223,9 +226,10 @@ impl Camera {
     /// Intersection of the ray through a pixel with the plane at height `h` above the plate.
     fn plate_point(&self, x: f64, y: f64, h: f64) -> [f64; 2] {
         let (u, v) = ((x - self.middle_px[0]) / self.focal_px, (y - self.middle_px[1]) / self.focal_px);
-        let ray = [0, 1, 2].map(|i| u * self.axes[0][i] + v * self.axes[1][i] + self.axes[2][i]);
-        let far = (h - self.at_mm[2]) / ray[2];
-        [0, 1].map(|i| self.at_mm[i] + far * ray[i])
+        let [right, down, forward] = &self.axes;
+        let ray = |i: usize| u * right[i] + v * down[i] + forward[i];
+        let far = (h - self.at_mm[2]) / ray(2);
+        [self.at_mm[0] + far * ray(0), self.at_mm[1] + far * ray(1)]
     }
 
     /// Image position of a point of the plate's frame, px.
@@ -259,8 +263,8 @@ fn blurred(levels: Vec<[f64; 3]>, width: usize, sd_px: f64) -> Vec<[f64; 3]> {
         let mixed = |i: usize| {
             let ((x, y), mut sum) = (place(i), [0.0; 3]);
             for (k, weight) in (-reach..=reach).zip(&weights) {
-                let level = if across { at(x + k, y) } else { at(x, y + k) };
-                (0..3).for_each(|c| sum[c] += weight / total * level[c]);
+                let [r, g, b] = if across { at(x + k, y) } else { at(x, y + k) };
+                sum = [sum[0] + weight / total * r, sum[1] + weight / total * g, sum[2] + weight / total * b];
             }
             sum
         };

@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::{job, shipped, status, upm};
+use super::{shipped, status, upm};
 
 /// Runs a job without pixels, which may fail to reach its goal; returns its run folder.
 fn run(folder: &Path, job: &Path, more: &[&str]) -> PathBuf {
@@ -18,19 +18,23 @@ fn run(folder: &Path, job: &Path, more: &[&str]) -> PathBuf {
     fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().path()).next().unwrap()
 }
 
-/// Run folder that the tests share; they leave it as it is.
-fn shared_run() -> &'static Path {
-    static RUN: LazyLock<(TempDir, PathBuf)> = LazyLock::new(|| {
+/// Run folders that the tests share, by rotations and by fields; they leave them as they are.
+static RUNS: LazyLock<[(TempDir, PathBuf); 2]> = LazyLock::new(|| {
+    [by_rotations, by_fields].map(|job| {
         let folder = TempDir::new().unwrap();
-        let run = run(folder.path(), &by_rotations(folder.path()), &[]);
+        let run = run(folder.path(), &job(folder.path()), &[]);
         (folder, run)
-    });
-    &RUN.1
+    })
+});
+
+fn shared_run() -> &'static Path {
+    &RUNS[0].1
 }
 
 /// A job of two coins that are moved apart by rotations.
 fn by_rotations(folder: &Path) -> PathBuf {
-    job(folder, |job| {
+    shipped(folder, "plus-sign-upm-2", |job| {
+        job["planner"] = json!("cor_sequence");
         job["parts"] = json!([{"kind": "penny", "position_mm": [-20, 5]}, {"kind": "dime"}]);
         job["task"] = json!({"type": "arrange", "targets_mm": [[-40, 0], [40, 10]]});
         job["limits"]["plate_time_s"] = json!(20);
@@ -91,8 +95,7 @@ const PULSES: &str = "cycle=/cycle started_at_s=/sent/#/started_at_s sustain_s=/
 #[test]
 fn tables_hold_the_values_of_journal_and_report() {
     let folder = TempDir::new().unwrap();
-    let by_fields = run(folder.path(), &by_fields(folder.path()), &[]);
-    for run in [shared_run(), by_fields.as_path()] {
+    for (_, run) in &*RUNS {
         let tables = folder.path().join("tables");
         status(&["export", run.to_str().unwrap(), "--csv", "--to", tables.to_str().unwrap()], 0);
         let (mut lines, report) = (journal(run), report(run));
@@ -222,11 +225,10 @@ fn schema(name: &str) -> PrintedSchema {
 fn journals_and_reports_of_runs_fit_their_schemas() {
     let (of_line, of_report) = (schema("journal"), schema("report"));
     let mut types = std::collections::BTreeSet::new();
-    let folders = [(); 2].map(|()| TempDir::new().unwrap());
-    let faulty = ["--faults", "part0:glued@3,camera:dark@8-9"];
-    let faulty = run(folders[0].path(), &by_rotations(folders[0].path()), &faulty);
-    let by_fields = run(folders[1].path(), &by_fields(folders[1].path()), &["--seed", "11"]);
-    for run in [shared_run(), faulty.as_path(), by_fields.as_path()] {
+    let folder = TempDir::new().unwrap();
+    let more = ["--seed", "11", "--faults", "part0:glued@3,camera:dark@5-6"];
+    let faulty = run(folder.path(), &by_fields(folder.path()), &more);
+    for run in [&RUNS[0].1, &RUNS[1].1, &faulty] {
         for line in journal(run) {
             assert_eq!(of_line.faults(&line), "", "{line}");
             types.insert(line["type"].as_str().unwrap().to_owned());

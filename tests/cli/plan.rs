@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::{job, root, shipped, status};
+use super::{root, shipped, status};
 
 /// Runs `upm check --plan --json` for one job and expects this exit status; returns the job's row.
 fn planned(file: &Path, expected: i32) -> Value {
@@ -35,12 +35,15 @@ fn hardly_along_y(folder: &Path) -> PathBuf {
         |velocity: [f64; 2]| json!({"amplitudes": [-270, 68, 267, -65], "velocity_mm_s": velocity, "spin_rad_s": 0.0});
     library["entries"] = json!([motion([40.0, 0.0]), motion([30.0, 0.0]), motion([0.0, 8.5])]);
     fs::write(folder.join("library.json"), library.to_string()).unwrap();
-    job(folder, |job| job["library"] = json!("library.json"))
+    shipped(folder, "plus-sign", |job| job["library"] = json!("library.json"))
 }
 
 #[test]
 fn feasible_job_is_reported_with_its_figures_and_drawn() {
-    let (folder, file) = (TempDir::new().unwrap(), root().join("configs/trajectories.json"));
+    let folder = TempDir::new().unwrap();
+    let file = shipped(folder.path(), "trajectories", |job| {
+        (0..2_usize).for_each(|path| job["task"]["paths"][path]["repeat"] = json!(1));
+    });
     let (file, picture) = (file.to_str().unwrap(), folder.path().join("plan.svg"));
     let args = ["check", file, "--plan", "--picture", picture.to_str().unwrap()];
     let rows: Value = serde_json::from_str(&status(&[&args[..], &["--json"]].concat(), 0).0).unwrap();
@@ -119,7 +122,7 @@ fn speed_that_can_be_held_is_in_the_plan_and_a_faster_one_is_told_by_the_run() {
     let folder = TempDir::new().unwrap();
     let file = shipped(folder.path(), "plus-sign-upm-2", |job| {
         let path = json!({"circle": {"radius_mm": 25}, "speed_mm_s": 500, "repeat": 2});
-        job["task"] = json!({"type": "trajectories", "paths": [path]});
+        (job["planner"], job["task"]) = (json!("synthesized_field"), json!({"type": "trajectories", "paths": [path]}));
     });
     let forecast = number(&planned(&file, 0)["plan"]["speed_mm_s"]["can_be_held"]);
     let (report, warnings) = run(&file, folder.path(), 0);
@@ -139,10 +142,18 @@ fn corridor_narrower_than_can_be_held_is_refused_with_the_one_that_can() {
 #[test]
 fn tolerance_finer_than_can_be_held_is_a_warning_and_its_run_ends_soon() {
     let folder = TempDir::new().unwrap();
-    let file = shipped(folder.path(), "arrange-4", |job| job["tolerance_mm"] = json!(0.001));
+    let to_within = |tolerance_mm: f64| {
+        shipped(folder.path(), "plus-sign-upm-2", |job| {
+            job["task"] = json!({"type": "arrange", "targets_mm": [[0, 0]]});
+            (job["planner"], job["tolerance_mm"]) = (json!("synthesized_field"), json!(tolerance_mm));
+        })
+    };
+    let (_, warned) = status(&["check", to_within(0.5).to_str().unwrap()], 0);
+    assert_eq!(warned, "", "0.5 mm can be held");
+    let file = to_within(0.001);
     let path = file.to_str().unwrap();
     let (said, warned) = status(&["check", path], 0);
-    assert!(said.contains(": ok, job arrange-4"), "{said}");
+    assert!(said.contains(": ok, job plus-sign-upm-2"), "{said}");
     assert!(
         warned.contains("warning: ") && warned.contains("tolerance_mm: expected ") && warned.contains("found 0.001 mm"),
         "{warned}"
@@ -154,8 +165,6 @@ fn tolerance_finer_than_can_be_held_is_a_warning_and_its_run_ends_soon() {
     let (report, _) = run(&file, folder.path(), 1);
     assert_eq!(report["stop"]["code"], "no_progress");
     assert!(number(&report["plate_time_s"]) < 60.0, "{report}");
-    let (_, warned) = status(&["check", root().join("configs/arrange-4.json").to_str().unwrap()], 0);
-    assert_eq!(warned, "", "0.5 mm can be held");
 }
 
 #[test]

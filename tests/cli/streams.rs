@@ -17,7 +17,7 @@ fn full_stderr_costs_no_run_its_report_and_a_run_is_found_behind_a_link() {
     let folder = TempDir::new().unwrap();
     let [elsewhere, out] = ["elsewhere", "runs"].map(|name| folder.path().join(name));
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_upm"));
-    command.args(["run", "configs/arrange-2.json", "-v", "--camera", "positions", "--rerun", "off", "--out"]);
+    command.args(["run", "configs/hold-4.json", "-v", "--camera", "positions", "--rerun", "off", "--out"]);
     command.arg(&elsewhere).current_dir(root()).stdout(Stdio::null());
     command.stderr(File::options().write(true).open("/dev/full").unwrap());
     assert!(command.status().unwrap().success());
@@ -39,7 +39,7 @@ fn names_that_are_no_text_are_taken() {
     let taken = |args: &[&OsStr]| upm().args(args).output().unwrap();
     let made = taken(&["init".as_ref(), name.as_os_str()]);
     assert_eq!((made.status.code(), String::from_utf8_lossy(&made.stderr).contains("panicked")), (Some(0), false));
-    let job = name.join("configs/arrange-2.json");
+    let job = name.join("configs/ring-6.json");
     let checked = taken(&["check".as_ref(), "--json".as_ref(), job.as_os_str()]);
     assert_eq!(checked.status.code(), Some(0));
     let rows: Value = serde_json::from_slice(&checked.stdout).unwrap();

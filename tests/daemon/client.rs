@@ -68,7 +68,9 @@ fn faults_are_reported_one_a_line_under_the_file_name() {
     refused(&bad, Some("upm-2.json"), &[], &["parts[0].kind"]);
     refused(&bad, None, &[], &["parts[0].kind"]);
     refused(&rest("elsewhere"), None, &["--plate", "nowhere"], &["plate"]);
-    refused(&rest("other-rig"), Some("upm-1.json"), &[], &["rig"]);
+    let mut other_rig = rest("other-rig");
+    other_rig["planner"] = json!("auto");
+    refused(&other_rig, Some("upm-1.json"), &[], &["rig"]);
     let mut library = rest("own-library");
     library["library"] = json!(root().join("assets/libraries/upm-2.json"));
     refused(&library, Some("upm-2.json"), &[], &["library"]);

@@ -254,13 +254,16 @@ pub fn put_fifo(path: &Path) {
 
 /// A job of a short hold, done in a moment at any pace.
 pub fn rest(name: &str) -> Value {
-    json!({"name": name, "parts": [{"kind": "penny"}], "task": {"type": "hold", "duration_s": 0.2}})
+    of_penny(name, json!({"type": "hold", "duration_s": 0.2}), 60.0)
 }
 
 /// A job that moves a part until its plate time limit.
 pub fn moving(name: &str, plate_time_s: f64) -> Value {
-    json!({
-        "name": name, "parts": [{"kind": "penny"}], "task": {"type": "plus_sign", "laps": 0},
-        "limits": {"plate_time_s": plate_time_s},
-    })
+    of_penny(name, json!({"type": "plus_sign", "laps": 0}), plate_time_s)
+}
+
+/// A job of one penny with the planner that is ready soonest.
+fn of_penny(name: &str, task: Value, plate_time_s: f64) -> Value {
+    let limits = json!({"plate_time_s": plate_time_s});
+    json!({"name": name, "parts": [{"kind": "penny"}], "planner": "synthesized_field", "task": task, "limits": limits})
 }

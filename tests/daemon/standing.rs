@@ -6,7 +6,7 @@ use std::fs;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::daemon_process::{LEFT, RIGHT, TestDaemon, config, rest, root, serve, status_of, until};
+use super::daemon_process::{LEFT, RIGHT, TestDaemon, config, moving, rest, root, serve, status_of, until};
 
 /// Configuration of two plates with a standing job on the left one, at full speed.
 fn with_standing(start: &str) -> Value {
@@ -19,10 +19,8 @@ fn with_standing(start: &str) -> Value {
 /// A folder with that configuration, and an endless plus sign as the standing job.
 fn folder(config: &Value, change: impl FnOnce(&mut Value)) -> TempDir {
     let folder = TempDir::new().unwrap();
-    let mut job = json!({
-        "name": "standing", "rig": root().join("configs/rigs/upm-2.json"), "parts": [{"kind": "penny"}],
-        "task": {"type": "plus_sign", "laps": 0}, "limits": {"plate_time_s": 3600},
-    });
+    let mut job = moving("standing", 3600.0);
+    job["rig"] = json!(root().join("configs/rigs/upm-2.json"));
     change(&mut job);
     fs::write(folder.path().join("daemon.json"), config.to_string()).unwrap();
     fs::write(folder.path().join("standing.json"), job.to_string()).unwrap();

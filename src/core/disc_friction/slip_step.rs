@@ -20,49 +20,71 @@ impl DiscFriction {
     /// zero (the disc sticks) when friction can remove all of it, force and torque together.
     #[inline]
     pub fn remaining_slip_fractions(&self, slide_mps: f64, rim_mps: f64, reach_mps: f64) -> [f64; 2] {
-        let total = slide_mps + rim_mps;
-        if total > IMPLICIT_BELOW * reach_mps {
-            let inverse = 1.0 / total;
-            let [force, torque] = self.reduced(slide_mps, rim_mps, inverse);
-            let pull = reach_mps * inverse;
-            [1.0 - pull * force, 1.0 - 2.0 * pull * torque]
-        } else if total > 0.0 {
-            self.remaining_small_slip(slide_mps / reach_mps, rim_mps / reach_mps)
-        } else {
-            [0.0; 2]
-        }
+        self.remaining_slip_fractions_of([slide_mps], [rim_mps], [reach_mps])[0]
     }
 
-    /// The implicit step of small slip, in units of the reach: solves `s₁ + f(e₁) = slide`, `r₁ + 2 t(e₁) = rim` for
-    /// `e₁ = s₁/r₁`. At the solution `s₁ + r₁` is positive exactly when `(slide, rim/2)` lies outside the limit curve.
+    /// [`Self::remaining_slip_fractions`] of several discs, bit for bit. A search waits most of its time for its own
+    /// last step: side by side they take as long as the longest of them.
     ///
-    /// The unknown is `x = s₁/(s₁+r₁)`, the root of a function that runs from `slide` at 0 to `-rim` at 1, found by
-    /// regula falsi in which the value of the retained end is halved at every step (a variant of the Illinois method).
+    /// Small slip, in units of the reach, solves `s₁ + f(e₁) = slide`, `r₁ + 2 t(e₁) = rim` for `e₁ = s₁/r₁`. At the
+    /// solution `s₁ + r₁` is positive exactly when `(slide, rim/2)` lies outside the limit curve. The unknown is
+    /// `x = s₁/(s₁+r₁)`, the root of a function that runs from `slide` at 0 to `-rim` at 1, found by regula falsi in
+    /// which the value of the retained end is halved at every step (a variant of the Illinois method).
     #[inline]
-    fn remaining_small_slip(&self, slide: f64, rim: f64) -> [f64; 2] {
-        let moves = slide * slide + (0.75 * rim).powi(2) > INSIDE_LIMIT_CURVE;
-        if !moves {
-            return [0.0; 2];
-        }
-        let fractions = |x: f64, [force, torque]: [f64; 2]| {
-            let left = slide - force + rim - 2.0 * torque;
-            let share = |part: f64, whole: f64| if whole > 0.0 { (part * left / whole).min(1.0) } else { 0.0 };
-            if left <= 0.0 { [0.0; 2] } else { [share(x, slide), share(1.0 - x, rim)] }
-        };
-        let (mut low, mut high) = ((0.0, slide), (1.0, -rim));
-        for _ in 0..MOST_STEPS {
-            let x = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
-            let pull = self.at_share_of_sliding(x);
-            let value = (1.0 - x) * (slide - pull[0]) - x * (rim - 2.0 * pull[1]);
-            if value.abs() <= TOLERANCE {
-                return fractions(x, pull);
+    pub fn remaining_slip_fractions_of<const N: usize>(
+        &self,
+        slide_mps: [f64; N],
+        rim_mps: [f64; N],
+        reach_mps: [f64; N],
+    ) -> [[f64; 2]; N] {
+        let mut fractions = [[0.0; 2]; N];
+        let (mut slide, mut rim, mut is_small) = ([0.0_f64; N], [0.0_f64; N], [false; N]);
+        for i in 0..N {
+            let total = slide_mps[i] + rim_mps[i];
+            if total > IMPLICIT_BELOW * reach_mps[i] {
+                let inverse = 1.0 / total;
+                let [force, torque] = self.reduced(slide_mps[i], rim_mps[i], inverse);
+                let pull = reach_mps[i] * inverse;
+                fractions[i] = [1.0 - pull * force, 1.0 - 2.0 * pull * torque];
+            } else if total > 0.0 {
+                (slide[i], rim[i]) = (slide_mps[i] / reach_mps[i], rim_mps[i] / reach_mps[i]);
+                is_small[i] = slide[i] * slide[i] + (0.75 * rim[i]).powi(2) > INSIDE_LIMIT_CURVE;
             }
-            let is_low = value > 0.0;
-            low = if is_low { (x, value) } else { (low.0, 0.5 * low.1) };
-            high = if is_low { (high.0, 0.5 * high.1) } else { (x, value) };
         }
-        let x = 0.5 * (low.0 + high.0);
-        fractions(x, self.at_share_of_sliding(x))
+        let mut is_open = is_small;
+        // ends of the search with the values of its function, and where it came to its end
+        let (mut low_x, mut high_x) = ([0.0_f64; N], [1.0_f64; N]);
+        let (mut low, mut high) = (slide, rim.map(|rim| -rim));
+        let (mut found_x, mut found_force, mut found_torque) = ([0.0_f64; N], [0.0_f64; N], [0.0_f64; N]);
+        for _ in 0..MOST_STEPS {
+            if !is_open.contains(&true) {
+                break;
+            }
+            // discs that have been solved go along: a branch would cost more
+            for i in 0..N {
+                let x = (low_x[i] * high[i] - high_x[i] * low[i]) / (high[i] - low[i]);
+                let [force, torque] = self.at_share_of_sliding(x);
+                let value = (1.0 - x) * (slide[i] - force) - x * (rim[i] - 2.0 * torque);
+                let (is_found, is_low) = (value.abs() <= TOLERANCE, value > 0.0);
+                found_x[i] = if is_open[i] { x } else { found_x[i] };
+                found_force[i] = if is_open[i] { force } else { found_force[i] };
+                found_torque[i] = if is_open[i] { torque } else { found_torque[i] };
+                is_open[i] &= !is_found;
+                (low_x[i], high_x[i]) = if is_low { (x, high_x[i]) } else { (low_x[i], x) };
+                (low[i], high[i]) = if is_low { (value, 0.5 * high[i]) } else { (0.5 * low[i], value) };
+            }
+        }
+        for i in (0..N).filter(|&i| is_small[i]) {
+            let middle = 0.5 * (low_x[i] + high_x[i]);
+            let (x, [force, torque]) = match is_open[i] {
+                true => (middle, self.at_share_of_sliding(middle)),
+                false => (found_x[i], [found_force[i], found_torque[i]]),
+            };
+            let left = slide[i] - force + rim[i] - 2.0 * torque;
+            let share = |part: f64, whole: f64| if whole > 0.0 { (part * left / whole).min(1.0) } else { 0.0 };
+            fractions[i] = if left <= 0.0 { [0.0; 2] } else { [share(x, slide[i]), share(1.0 - x, rim[i])] };
+        }
+        fractions
     }
 }
 
@@ -107,6 +129,14 @@ mod tests {
                     prop_assert!((slide * e + 0.5 * rim) / (force * e + torque) < 1.0 + 1e-5);
                 }
             }
+        }
+
+        #[test]
+        fn discs_side_by_side_are_solved_as_alone(discs in proptest::array::uniform4((0.0..6.0f64, 0.0..3.0f64))) {
+            let friction = DiscFriction::shared();
+            let alone = discs.map(|(slide, rim)| friction.remaining_slip_fractions(slide, rim, 1.0));
+            let [slide, rim] = [discs.map(|disc| disc.0), discs.map(|disc| disc.1)];
+            prop_assert_eq!(friction.remaining_slip_fractions_of(slide, rim, [1.0; 4]), alone);
         }
 
         #[test]

@@ -61,13 +61,12 @@ impl Library {
 
     /// Faults for entries that the rig's motors cannot play: their waveforms peak above `count_limit`.
     pub fn unreachable_entries(&self, count_limit: f64) -> Vec<Diagnostic> {
-        let peak = |entry: usize| self.drive(entry, 0.0).map_or(0.0, |drive| drive.peak_counts());
+        let peak = |entry: usize| Some((entry, self.drive(entry, 0.0)?.peak_above(count_limit)?));
         let fault = |(entry, peak): (usize, f64)| {
             let allowed = format!("amplitudes whose waveform peaks at {count_limit:.0} counts or less");
             Diagnostic::new("", format!("entries[{entry}].amplitudes"), format!("a peak of {peak:.0} counts"), allowed)
         };
-        let peaks = (0..self.entries.len()).map(|entry| (entry, peak(entry)));
-        peaks.filter(|&(_, peak)| peak > count_limit).map(fault).collect()
+        (0..self.entries.len()).filter_map(peak).map(fault).collect()
     }
 }
 

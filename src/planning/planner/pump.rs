@@ -206,8 +206,7 @@ impl PulseConstants {
         let slide = ((before.0 + after.0) * 0.5).to_array();
         let turn = ((before.1 + after.1) * 0.5).to_array();
         let reach_mps = self.friction_mps2.map(|friction| friction * dt);
-        let remaining: [_; LANES] =
-            std::array::from_fn(|i| self.friction.remaining_slip_fractions(slide[i], turn[i], reach_mps[i]));
+        let remaining = self.friction.remaining_slip_fractions_of(slide, turn, reach_mps);
         let taken = SimdF64::from(remaining.map(|[slide, _]| 1.0 - slide)) * 0.5;
         let taken_rim = SimdF64::from(remaining.map(|[_, rim]| 1.0 - rim)) * 0.5;
         let [before, after] = slips;

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use upm_core::job::Pace;
 
-use super::read::PLAIN_NAME_PATTERN;
+use super::read::{BASE_PATH_PATTERN, PLAIN_NAME_PATTERN};
 use super::rig_file::RigSource;
 use upm_core::units::{file_form, whole};
 
@@ -28,7 +28,7 @@ pub(crate) struct DaemonFile {
     #[schemars(length(min = 1, max = 64))]
     pub(crate) stop_listen: Option<String>,
     /// Path below which the page and the API are served, as `/upm`, for a proxy that passes it on. Left out: none.
-    #[schemars(length(max = 256), extend("pattern" = "^(/[A-Za-z0-9_][A-Za-z0-9._-]{0,63})+$"))]
+    #[schemars(length(max = 256), extend("pattern" = BASE_PATH_PATTERN))]
     pub(crate) base_path: Option<String>,
     /// Folder of the job store, run folders and latches, relative to this file.
     #[serde(default = "data")]
@@ -102,7 +102,7 @@ pub(crate) struct PlateEntry {
     pub(crate) standing_job: Option<StandingEntry>,
 }
 
-/// What a plate does after a job.
+/// Behaviour of a plate after a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum BetweenJobs {

@@ -51,6 +51,8 @@ pub(super) const NAME_PATTERN: &str = concat!(
 );
 /// The same for [`is_plain_name`].
 pub(super) const PLAIN_NAME_PATTERN: &str = "^[A-Za-z0-9_][A-Za-z0-9._-]*$";
+/// Pattern of paths of such names.
+pub(super) const BASE_PATH_PATTERN: &str = "^(/[A-Za-z0-9_][A-Za-z0-9._-]{0,63})+$";
 
 /// True for names of letters and digits of any script, `.`, `_` and `-` that are safe as a folder name.
 pub(super) fn is_name(name: &str) -> bool {

@@ -1,6 +1,6 @@
 //! Coverage of a COR library: how well it moves a part at each place of the plate, and the positions of its centres.
 
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Vec2, nearest_distance_squared};
 use upm_planning::cor_library::Library;
 use upm_planning::planner::Reach;
 
@@ -154,8 +154,8 @@ fn largest_gap(centers_m: &[Vec2], half_side_m: f64) -> Option<CoverageHole> {
     }
     let at = |k: usize| half_side_m * (2.0 * k as f64 / GAP_STEPS as f64 - 1.0);
     let places = (0..=GAP_STEPS).flat_map(|row| (0..=GAP_STEPS).map(move |column| Vec2::new(at(column), at(row))));
-    let nearest_sq = |place: Vec2| centers_m.iter().map(|c| (c - place).norm_squared()).fold(f64::INFINITY, f64::min);
     let farther = |best: (f64, Vec2), next: (f64, Vec2)| if next.0 > best.0 { next } else { best };
-    let (distance_sq, position_m) = places.map(|place| (nearest_sq(place), place)).reduce(farther)?;
+    let (distance_sq, position_m) =
+        places.map(|place| (nearest_distance_squared(centers_m, place), place)).reduce(farther)?;
     Some(CoverageHole { position_m, distance_m: distance_sq.sqrt() })
 }

@@ -15,7 +15,7 @@ use upm_core::job::CameraMode;
 use upm_core::time::PlateTime;
 use upm_core::units::m_from_mm;
 use upm_planning::cor_library::Library;
-use upm_planning::planner::{FieldPlanner, Independence, PlanningMethod};
+use upm_planning::planner::{FieldPlanner, Independence, PlanningMethod, RotationPlanner};
 use upm_planning::task::PathParams;
 
 use runs::at_the_same_time;
@@ -73,14 +73,16 @@ pub fn dry_run(
     let mut jobs: Vec<JobSpec> = seeds.map(|seed| job.clone().at_the_same_places(seed)).collect();
     let fast = as_fast_as_possible(&job);
     jobs.extend(fast.iter().map(|(job, ..)| job.clone()));
+    let by_fields = params.method == PlanningMethod::SynthesizedField;
+    // the dry runs begin at the same time: what their planners share is computed before, once
+    let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
+    let _rotations = (!by_fields).then(|| RotationPlanner::new(Arc::clone(library), params.planner));
     let mut dry_runs = at_the_same_time(&jobs, library, &selection, watch)?;
     let speed_mps = fast.and_then(|(_, asked_mps, longest_m)| {
         let run = dry_runs.pop()?;
         let advanced_s = run.record.advanced_s();
         (run.report.reached_goal() && advanced_s > 0.0).then(|| [asked_mps, longest_m / advanced_s])
     });
-    let by_fields = params.method == PlanningMethod::SynthesizedField;
-    let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
     let starts_m = named(&placed, &params);
     let target_m = |i: usize| dry_runs.first()?.report.parts.get(i)?.target_mm;
     let parts = starts_m.iter().zip(&params.parts).enumerate().map(|(i, (&start_m, part))| PartForecast {

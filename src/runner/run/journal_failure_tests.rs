@@ -28,7 +28,8 @@ fn folders(out: &Path) -> Vec<PathBuf> {
 fn job() -> JobSpec {
     let text = json!({
         "name": "still",
-        "rig": "rigs/upm-1.json",
+        "rig": "rigs/upm-2.json",
+        "planner": "synthesized_field",
         "parts": [{"kind": "penny"}],
         "task": {"type": "hold", "duration_s": 1},
     });

@@ -24,7 +24,8 @@ fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
     let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
     let text = json!({
         "name": "short",
-        "rig": "rigs/upm-1.json",
+        "rig": "rigs/upm-2.json",
+        "planner": "synthesized_field",
         "parts": [{"kind": "penny"}],
         "task": {"type": "plus_sign", "laps": 1, "edge_margin_mm": 50},
         "limits": {"plate_time_s": 2},

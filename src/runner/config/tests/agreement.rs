@@ -13,7 +13,7 @@ use super::traces::trace;
 use super::value_of;
 use crate::config::coins::coins_of;
 use crate::config::daemon_file::DaemonFile;
-use crate::config::read::{NAME_PATTERN, PLAIN_NAME_PATTERN};
+use crate::config::read::{BASE_PATH_PATTERN, NAME_PATTERN, PLAIN_NAME_PATTERN};
 use crate::config::simulate::ExperimentFile;
 use crate::config::{Diagnostic, JobFile, RigFile, schema, schema_names};
 use upm_core::document::parse;
@@ -98,6 +98,7 @@ impl Maker<'_> {
         let mut texts = ["a", "upm-1", "a.b", "_"].map(str::to_owned).to_vec();
         match schema["pattern"].as_str() {
             Some(PLAIN_NAME_PATTERN) => {}
+            Some(BASE_PATH_PATTERN) => texts = ["/a", "/upm-1/a.b"].map(str::to_owned).to_vec(),
             Some(NAME_PATTERN) => texts.extend(["größe-1", "名前"].map(str::to_owned)),
             Some(pattern) => unreachable!("no samples of {pattern}"),
             None => {

@@ -3,8 +3,8 @@
 use super::*;
 use crate::store::Job;
 
-const REST: &str =
-    r#"{ "name": "rest", "parts": [{ "kind": "penny" }], "task": { "type": "hold", "duration_s": 0.2 } }"#;
+const REST: &str = r#"{ "name": "rest", "parts": [{ "kind": "penny" }], "planner": "synthesized_field",
+    "task": { "type": "hold", "duration_s": 0.2 } }"#;
 
 /// Runs a job with one fault on a plate with a watchdog; returns its report and the plate's pause.
 fn ended_with(component: &str, kind: &str, from_s: f64, to_s: Option<f64>) -> (serde_json::Value, Option<PauseCause>) {

@@ -8,7 +8,7 @@ use upm_runner::config::{JobSpec, Origin};
 fn setup(task: &str, plate_time_s: f64) -> StandingSpec {
     let text = format!(
         r#"{{ "name": "standing", "rig": "rigs/upm-2.json", "parts": [{{ "kind": "penny", "position_mm": [30, 0] }}],
-            "task": {task}, "limits": {{ "plate_time_s": {plate_time_s} }} }}"#
+            "planner": "synthesized_field", "task": {task}, "limits": {{ "plate_time_s": {plate_time_s} }} }}"#
     );
     let origin = Origin::of_file(&root().join("configs/standing.json"));
     StandingSpec { job: JobSpec::from_json(&text, &origin, None).unwrap(), starts_paused: false }
