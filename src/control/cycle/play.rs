@@ -65,7 +65,7 @@ impl ControlCycle<'_, '_> {
         if self.perception.motors_stopped {
             return Continue(());
         }
-        self.doubt(planned, drive, fit, &sensors, positions.as_ref())
+        self.doubt(&facts, &sensors)
     }
 
     /// Tracks the parts until a frame shows everything at rest.
@@ -84,16 +84,11 @@ impl ControlCycle<'_, '_> {
         }
     }
 
-    /// Compares a pulse with its plan: the plate's motion, the parts' steps, the pictures' timing. `steps` are there
+    /// Compares a pulse with its plan: the plate's motion, the parts' steps, the pictures' timing. Steps are there
     /// where all parts were seen.
-    fn doubt(
-        &mut self,
-        planned: &PlannedPulse,
-        drive: &Drive,
-        fit: &Result<PlateFit, FitFault>,
-        sensors: &AccelerometerPair,
-        steps: Option<&PulsePositions>,
-    ) -> OrEnd {
+    fn doubt(&mut self, facts: &PulseFacts, sensors: &AccelerometerPair) -> OrEnd {
+        let PulseFacts { planned, drive, fit, positions, .. } = facts;
+        let steps = positions.as_ref();
         let went = steps.and_then(|steps| went(&steps.before_m, &steps.by_learning_m, &steps.after_m));
         let is_as_planned = self.check_motion(planned, drive, &self.reading(fit, sensors, went))?;
         self.check_picture_delay(is_as_planned)?;

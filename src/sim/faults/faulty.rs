@@ -170,8 +170,8 @@ impl<'a> Faulty<'a> {
             (_, FaultKind::Flicker) => {
                 picture::light(frame, 1.0 + FLICKER * libm::sin(TAU * value * (at - fault.from)));
             }
-            (_, FaultKind::Dark) => picture::darken(frame, &mut self.noise),
-            (FaultyComponent::Camera, FaultKind::Garbage) => picture::garble(frame, &mut self.noise),
+            (_, FaultKind::Dark) => picture::scatter(frame, &mut self.noise, 0x03),
+            (FaultyComponent::Camera, FaultKind::Garbage) => picture::scatter(frame, &mut self.noise, 0xff),
             _ => {}
         }
     }

@@ -92,17 +92,8 @@ pub(super) fn light(frame: &mut Frame, gain: f64) {
     frame.pixels.iter_mut().for_each(|pixel| *pixel = table[usize::from(*pixel)]);
 }
 
-/// Leaves only read noise.
-pub(super) fn darken(frame: &mut Frame, noise: &mut Rng) {
-    scatter(frame, noise, 0x03);
-}
-
-/// Replaces the whole picture by noise.
-pub(super) fn garble(frame: &mut Frame, noise: &mut Rng) {
-    scatter(frame, noise, 0xff);
-}
-
-fn scatter(frame: &mut Frame, noise: &mut Rng, mask: u8) {
+/// Replaces the whole picture by noise in the bits of `mask`; read noise has the lowest two.
+pub(super) fn scatter(frame: &mut Frame, noise: &mut Rng, mask: u8) {
     if let Some(positions) = &mut frame.positions {
         positions.hide(|_| true);
     }

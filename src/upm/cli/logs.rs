@@ -96,15 +96,12 @@ fn level(common: Common, is_daemon: bool) -> LevelFilter {
     }
 }
 
-fn subscriber<W>(
+fn subscriber(
     daemon: Option<LogFormat>,
     level: LevelFilter,
     is_colored: bool,
-    writer: W,
-) -> Box<dyn Subscriber + Send + Sync>
-where
-    W: for<'a> MakeWriter<'a> + Send + Sync + 'static,
-{
+    writer: impl for<'a> MakeWriter<'a> + Send + Sync + 'static,
+) -> Box<dyn Subscriber + Send + Sync> {
     let log = tracing_subscriber::fmt().with_writer(writer).with_max_level(level).with_ansi(is_colored);
     // of a write that fails it would write to stderr, and panic where that fails, too
     let log = log.log_internal_errors(false);
