@@ -1,5 +1,5 @@
 use std::io::ErrorKind;
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::sync_channel;
 
 use jiff::Timestamp;
 use nix::sys::signal::{SigSet, Signal};
@@ -22,7 +22,10 @@ pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     keep_files_private();
     let spec = spec_of(args)?;
     let prepared = prepare(&spec).map_err(Failure::faults)?;
-    let stop = stop_signals();
+    let (sender, stop) = sync_channel(1);
+    signals::attend(signals::ending(), move || {
+        sender.try_send(()).ok();
+    });
     let (names, base_path) = (spec.plate_names(), spec.base_path.clone());
     let daemon = Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, VERSION);
     let daemon = daemon.map_err(start_failure)?;
@@ -63,15 +66,6 @@ fn spec_of(args: &ServeArgs) -> Result<DaemonSpec, Failure> {
         spec.data.clone_from(data);
     }
     Ok(spec)
-}
-
-/// A message for every termination signal.
-fn stop_signals() -> Receiver<()> {
-    let (sender, stop) = sync_channel(1);
-    signals::attend(signals::ending(), move || {
-        sender.try_send(()).ok();
-    });
-    stop
 }
 
 /// Blocks SIGUSR1, which stops every plate, in this thread and in those that it starts. Called before there is a second
