@@ -114,11 +114,6 @@ impl<'a> Planning<'a> {
         Break(RunEnd::failed_because(Finding::Uncontrollable, reason))
     }
 
-    /// The ending of a run that makes no progress.
-    pub fn no_progress(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> RunEnd {
-        self.watch.ending(wanted, seen_m, self.params.method, |part| self.params.id(part))
-    }
-
     /// The part that is farthest from its place, for people.
     pub fn blocking_part(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> String {
         self.watch.blocking_part_description(wanted, seen_m, |part| self.params.id(part))
