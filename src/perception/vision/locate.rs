@@ -269,13 +269,10 @@ fn refined_corners(quad: &Quad, seen: &LineEvidence) -> Result<[Vec2; 4], TableF
         through_edges(edges, from, to, outward, near_px(cell_px))
     };
     let corners = from_sides(quad.corners, along_edges)?;
-    let corners =
-        from_sides(
-            corners,
-            |from, to| {
-                if cell_px > 6.0 { look.refine::<25>(from, to) } else { look.refine::<11>(from, to) }
-            },
-        )?;
+    let coarse = |from: Vec2, to: Vec2| {
+        if cell_px > 6.0 { look.refine::<25>(from, to) } else { look.refine::<11>(from, to) }
+    };
+    let corners = from_sides(corners, coarse)?;
     let careful = SideMeasurement { stations: 256, known: true, ..look };
     from_sides(corners, |from, to| careful.refine::<9>(from, to))
 }
