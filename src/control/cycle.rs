@@ -181,7 +181,8 @@ impl ControlCycle<'_, '_> {
         }
         self.check_limits()?;
         if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has(Finding::NoProgress) {
-            return Break(self.planning.no_progress(&wanted, &observed));
+            let id = |part| self.params.id(part);
+            return Break(self.planning.watch.ending(&wanted, &observed, self.params.method, id));
         }
         let planning = self.io.clock.elapsed();
         let plan = self.plan(&observed, &wanted)?;

@@ -11,7 +11,7 @@ use super::run_end::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
 use upm_planning::cor_library::Library;
-use upm_planning::planner::{Corridor, Independence, PartState, Plan, PlanStatus, PlannedPulse, PlanningMethod};
+use upm_planning::planner::{Corridor, Independence, PartState, Plan, PlanStatus, PlanningMethod};
 use upm_planning::task::{PathStretch, Setpoints};
 
 /// Plate time without a pulse after which a run counts as stalled, s.
@@ -86,22 +86,6 @@ impl<'a> Planning<'a> {
         Break(RunEnd::failed_because(Finding::NoFeasibleStep, reason))
     }
 
-    /// Forecast positions after `pulse`, m, of parts at `before_m`, each with the gain that `gain` gives it there.
-    pub fn forecast(
-        &self,
-        before_m: &[Vec2],
-        pulse: &PlannedPulse,
-        gain: impl Fn(usize, Vec2) -> f64,
-    ) -> Option<Vec<Vec2>> {
-        let state = |(part, &position_m): (usize, &Vec2)| PartState {
-            position_m,
-            step_m: Vec2::zeros(),
-            radius_m: self.params.radius_m(part),
-            gain: gain(part, position_m),
-        };
-        self.planner.forecast(&before_m.iter().enumerate().map(state).collect::<Vec<_>>(), pulse)
-    }
-
     /// Ends the run where rotations are played, a part is to be moved, and the library cannot move the parts at
     /// `seen_m` independently. The ending names the part that moves farthest in the hardest joint motion, its direction
     /// there and the bound.
@@ -128,11 +112,6 @@ impl<'a> Planning<'a> {
              parts"
         );
         Break(RunEnd::failed_because(Finding::Uncontrollable, reason))
-    }
-
-    /// The ending of a run that makes no progress.
-    pub fn no_progress(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> RunEnd {
-        self.watch.ending(wanted, seen_m, self.params.method, |part| self.params.id(part))
     }
 
     /// The part that is farthest from its place, for people.

@@ -173,7 +173,8 @@ impl Session<'_> {
     fn leave_reason(&self, setup: Option<&RunSetup>, error: &RunError) {
         if !self.folder.files().contains(&folder::REPORT_FILE) {
             let failed = FinalState { ending: RunEnd::failed(error.to_string()), ..FinalState::default() };
-            self.folder.write_report(&RunStats::default().report(ending(self.job, setup, failed, 0.0))).ok();
+            let report = RunStats::default().report(ending(self.job, setup, failed, 0.0));
+            self.folder.write_json(folder::REPORT_FILE, &report).ok();
         }
     }
 
@@ -231,7 +232,7 @@ impl Session<'_> {
         report.warnings = job.warnings.iter().map(ToString::to_string).chain(warning).collect();
         report.pacing = options.real_time.then(|| controls.pacing.report(missed_before));
         report.verdict = verdict(job, &report);
-        let reported = folder.write_report(&report);
+        let reported = folder.write_json(folder::REPORT_FILE, &report);
         report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
         Ok((RunResult { folder: folder.path().to_owned(), report }, written.and(reported)))
     }

@@ -85,10 +85,40 @@ pub fn simulate(
         return Err("base frequency and sampling rate must be positive".to_owned());
     }
     check_pulses(params, mode, pulses, base_radps)?;
+    let step_s = params.step_s;
+    let mut recorder = TrajectoryRecorder::new(parts.len(), sample_hz);
     match mode {
-        PlateMode::Kinematic => Ok(kinematic(params, parts, pulses, base_radps, sample_hz)),
-        PlateMode::Dynamic => dynamic(params, parts, pulses, base_radps, sample_hz),
+        PlateMode::Kinematic => {
+            let mut moving = Parts::new(parts, &params.contact, params.plate.side_m, step_s);
+            let mut steps = 0u64;
+            for pulse in pulses {
+                let wave = TwistWave { base_radps, harmonics: pulse.harmonics.clone() };
+                let length = (pulse.envelope.total_s() / step_s).round() as u64;
+                for i in 0..length {
+                    recorder.take_until(steps as f64 * step_s, step_s, &moving);
+                    let t_s = (i as f64 + 0.5) * step_s;
+                    let twist = wave.at(t_s) * pulse.envelope.at(t_s);
+                    moving.step(&PlateMotion { twist, ..Default::default() });
+                    steps += 1;
+                }
+            }
+            recorder.take_until(steps as f64 * step_s, step_s, &moving);
+        }
+        PlateMode::Dynamic => {
+            let mut plant = Plant::new(params, parts, &Streams::new(0));
+            for pulse in pulses {
+                let drive = ideal_drive(params, pulse, base_radps)?;
+                let length = (drive.envelope.total_s() / step_s).round() as u64;
+                plant.play(drive);
+                for _ in 0..length {
+                    recorder.take_until(plant.now().secs(), step_s, plant.parts());
+                    plant.step();
+                }
+            }
+            recorder.take_until(plant.now().secs(), step_s, plant.parts());
+        }
     }
+    Ok(recorder.done)
 }
 
 fn check(pulse: &OpenPulse) -> Result<(), String> {
@@ -104,55 +134,6 @@ fn check(pulse: &OpenPulse) -> Result<(), String> {
     } else {
         Ok(())
     }
-}
-
-fn kinematic(
-    params: &SimParams,
-    parts: &[(PartParams, Pose)],
-    pulses: &[OpenPulse],
-    base_radps: f64,
-    sample_hz: f64,
-) -> OpenLoopTrajectories {
-    let step_s = params.step_s;
-    let mut moving = Parts::new(parts, &params.contact, params.plate.side_m, step_s);
-    let mut recorder = TrajectoryRecorder::new(parts.len(), sample_hz);
-    let mut steps = 0u64;
-    for pulse in pulses {
-        let wave = TwistWave { base_radps, harmonics: pulse.harmonics.clone() };
-        let length = (pulse.envelope.total_s() / step_s).round() as u64;
-        for i in 0..length {
-            recorder.take_until(steps as f64 * step_s, step_s, &moving);
-            let t_s = (i as f64 + 0.5) * step_s;
-            let twist = wave.at(t_s) * pulse.envelope.at(t_s);
-            moving.step(&PlateMotion { twist, ..Default::default() });
-            steps += 1;
-        }
-    }
-    recorder.take_until(steps as f64 * step_s, step_s, &moving);
-    recorder.done
-}
-
-fn dynamic(
-    params: &SimParams,
-    parts: &[(PartParams, Pose)],
-    pulses: &[OpenPulse],
-    base_radps: f64,
-    sample_hz: f64,
-) -> Result<OpenLoopTrajectories, String> {
-    let drives = pulses.iter().map(|pulse| ideal_drive(params, pulse, base_radps)).collect::<Result<Vec<_>, _>>()?;
-    let mut plant = Plant::new(params, parts, &Streams::new(0));
-    let step_s = params.step_s;
-    let mut recorder = TrajectoryRecorder::new(parts.len(), sample_hz);
-    for drive in drives {
-        let length = (drive.envelope.total_s() / step_s).round() as u64;
-        plant.play(drive);
-        for _ in 0..length {
-            recorder.take_until(plant.now().secs(), step_s, plant.parts());
-            plant.step();
-        }
-    }
-    recorder.take_until(plant.now().secs(), step_s, plant.parts());
-    Ok(recorder.done)
 }
 
 /// The drive whose forces give a free mass the pulse's velocity, `f = m dv/dt` on each axis, shared evenly among the

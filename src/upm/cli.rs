@@ -38,6 +38,7 @@ mod run_args;
 mod run_folder;
 mod schema;
 mod shipped;
+mod signals;
 mod simulate;
 mod summary;
 #[cfg(test)]

@@ -13,7 +13,10 @@ pub struct RerunSink(());
 impl RerunSink {
     /// Refuses every mode but [`RerunMode::Off`].
     pub fn check(mode: &RerunMode) -> Result<(), RecordingError> {
-        refuse(mode)
+        match mode {
+            RerunMode::Off => Ok(()),
+            mode => Err(RecordingError(format!("expected off (this build has no feature `rerun`), found {mode}"))),
+        }
     }
 
     /// Starts no recording. Refuses every mode but [`RerunMode::Off`].
@@ -23,7 +26,7 @@ impl RerunSink {
         _context: RunContext,
         _keeping: &RecordingOptions,
     ) -> Result<Self, RecordingError> {
-        refuse(mode).map(Self)
+        Self::check(mode).map(Self)
     }
 
     /// There is no viewer.
@@ -33,10 +36,3 @@ impl RerunSink {
 }
 
 impl Sink for RerunSink {}
-
-fn refuse(mode: &RerunMode) -> Result<(), RecordingError> {
-    match mode {
-        RerunMode::Off => Ok(()),
-        mode => Err(RecordingError(format!("expected off (this build has no feature `rerun`), found {mode}"))),
-    }
-}

@@ -51,9 +51,22 @@ impl CoilGains {
     /// The gains from the first and from the second harmonic of `pulses`. The second is the more reliable one: at its
     /// frequency the plate is closer to a free mass.
     pub fn read(pulses: &[AxisPulse; 3], sensors: &AccelerometerPair, model: &RigModel) -> [Self; 2] {
-        [0, 1].map(|harmonic| {
-            let columns = [(0, X1), (1, Y1), (2, Y1)];
-            let columns = columns.map(|(axis, motor)| answer(&pulses[axis], harmonic, motor, sensors, model));
+        let force_n = model.newtons_per_count;
+        let along = force_n / model.plate_mass_kg;
+        let about = model.lever_arm_m * force_n / model.plate_inertia_kgm2;
+        let parts = |of: Twist| [of.velocity_mps.x / along, of.velocity_mps.y / along, of.spin_radps / about];
+        [0, 1].map(|harmonic: usize| {
+            // the wrench on a free plate that explains the readings of a pulse, for one count of its motor, in counts
+            let answer = |(axis, motor): (usize, usize)| -> [Complex<f64>; 3] {
+                let pulse = &pulses[axis];
+                let [cos, sin] = [2 * harmonic, 2 * harmonic + 1].map(|k| {
+                    let at: [f64; 4] = std::array::from_fn(|channel| pulse.shown[channel][k] / sensors.gain[channel]);
+                    parts(twist_from_corners(Vec2::new(at[0], at[1]), Vec2::new(at[2], at[3]), sensors.position_m))
+                });
+                let force = pulse.drive.motors[motor].get(harmonic).copied().unwrap_or_default().phasor();
+                std::array::from_fn(|row| Complex::new(cos[row], -sin[row]) / force)
+            };
+            let columns = [(0, X1), (1, Y1), (2, Y1)].map(answer);
             let wrench = real_part(&Matrix3::from_fn(|row, column| columns[column][row]));
             Self::of(wrench, model.motor_arrangement)
         })
@@ -140,28 +153,6 @@ fn gains_of(wrench: &Matrix3<f64>) -> [f64; MOTORS] {
     let differ_x = 0.5 * (wrench[(2, 0)] + wrench[(0, 2)]);
     let differ_y = 0.5 * (wrench[(2, 1)] + wrench[(1, 2)]);
     [of_x - differ_x, of_x + differ_x, of_y + differ_y, of_y - differ_y].map(|twice| 0.5 * twice)
-}
-
-/// Wrench on a free plate that explains the channels' readings of `pulse`, for one count of its `motor`, in counts.
-fn answer(
-    pulse: &AxisPulse,
-    harmonic: usize,
-    motor: usize,
-    sensors: &AccelerometerPair,
-    model: &RigModel,
-) -> [Complex<f64>; 3] {
-    let twist = |k: usize| {
-        let at: [f64; 4] = std::array::from_fn(|channel| pulse.shown[channel][k] / sensors.gain[channel]);
-        twist_from_corners(Vec2::new(at[0], at[1]), Vec2::new(at[2], at[3]), sensors.position_m)
-    };
-    let [cos, sin] = [twist(2 * harmonic), twist(2 * harmonic + 1)];
-    let force_n = model.newtons_per_count;
-    let along = force_n / model.plate_mass_kg;
-    let about = model.lever_arm_m * force_n / model.plate_inertia_kgm2;
-    let parts = |twist: Twist| [twist.velocity_mps.x / along, twist.velocity_mps.y / along, twist.spin_radps / about];
-    let (cos, sin) = (parts(cos), parts(sin));
-    let force = pulse.drive.motors[motor].get(harmonic).copied().unwrap_or_default().phasor();
-    std::array::from_fn(|row| Complex::new(cos[row], -sin[row]) / force)
 }
 
 /// The response without the delay common to all: the motors' low-pass turns a harmonic by less than 90°.

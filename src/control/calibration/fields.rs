@@ -19,10 +19,19 @@ pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<Fie
     let Some(fields) = session.model.fields else { return Ok(None) };
     let mut twist_from_counts = Vec::with_capacity(fields.harmonics);
     for k in 1..=fields.harmonics {
+        // velocity phasors of x, y and spin, a column for one count of each axis
         let mut response = Matrix3::zeros();
         for axis in 0..3 {
             session.report("fields", 3 * (k - 1) + axis, 3 * fields.harmonics);
-            response.set_column(axis, &answer(session, &fields, k, axis)?);
+            let unit = pulse(session, &fields, k, axis, 1.0);
+            let counts = EFFORT * session.model.count_limit / unit.peak_counts();
+            let drive = pulse(session, &fields, k, axis, counts);
+            let what = format!("{}, harmonic {k}", NAMES[axis]);
+            let there = session.read_twist(&what, &drive)?;
+            let back = session.read_twist(&what, &drive.reversed())?;
+            let read = |fit: &TwistFit, of: usize| if k == 1 { fit.axes[of].first } else { fit.axes[of].second };
+            let moved = |of: usize, _: usize| (read(&there, of) - read(&back, of)) / Complex::from(2.0 * counts);
+            response.set_column(axis, &Vector3::from_fn(moved));
         }
         response.try_inverse().ok_or(CalibrationFault::Singular)?;
         twist_from_counts.push(response);
@@ -34,23 +43,6 @@ pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<Fie
         limit_counts: session.model.count_limit,
         twist_from_counts,
     }))
-}
-
-/// Velocity phasors of x, y and spin for one count of `axis` at harmonic `k`.
-fn answer(
-    session: &mut CalibrationSession<'_>,
-    fields: &FieldDriveModel,
-    k: usize,
-    axis: usize,
-) -> Result<Vector3<Complex<f64>>, CalibrationFault> {
-    let unit = pulse(session, fields, k, axis, 1.0);
-    let counts = EFFORT * session.model.count_limit / unit.peak_counts();
-    let drive = pulse(session, fields, k, axis, counts);
-    let what = format!("{}, harmonic {k}", NAMES[axis]);
-    let there = session.read_twist(&what, &drive)?;
-    let back = session.read_twist(&what, &drive.reversed())?;
-    let read = |fit: &TwistFit, axis: usize| if k == 1 { fit.axes[axis].first } else { fit.axes[axis].second };
-    Ok(Vector3::from_fn(|moved, _| (read(&there, moved) - read(&back, moved)) / Complex::from(2.0 * counts)))
 }
 
 /// `counts · cos kwt` on one axis, written as the second harmonic of half its frequency: the read-out of two harmonics

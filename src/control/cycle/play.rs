@@ -14,7 +14,7 @@ use upm_core::job::{Finding, StopCause};
 use upm_core::signal::{AccelTrace, Drive, TwistWave};
 use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
 use upm_planning::cor_library::Library;
-use upm_planning::planner::PlannedPulse;
+use upm_planning::planner::{PartState, PlannedPulse};
 
 impl ControlCycle<'_, '_> {
     /// Plays one pulse and tracks the parts until a frame shows everything at rest; `purpose` is the purpose of that
@@ -65,7 +65,7 @@ impl ControlCycle<'_, '_> {
         if self.perception.motors_stopped {
             return Continue(());
         }
-        self.doubt(planned, drive, fit, &sensors, positions.as_ref())
+        self.doubt(&facts, &sensors)
     }
 
     /// Tracks the parts until a frame shows everything at rest.
@@ -84,16 +84,11 @@ impl ControlCycle<'_, '_> {
         }
     }
 
-    /// Compares a pulse with its plan: the plate's motion, the parts' steps, the pictures' timing. `steps` are there
+    /// Compares a pulse with its plan: the plate's motion, the parts' steps, the pictures' timing. Steps are there
     /// where all parts were seen.
-    fn doubt(
-        &mut self,
-        planned: &PlannedPulse,
-        drive: &Drive,
-        fit: &Result<PlateFit, FitFault>,
-        sensors: &AccelerometerPair,
-        steps: Option<&PulsePositions>,
-    ) -> OrEnd {
+    fn doubt(&mut self, facts: &PulseFacts, sensors: &AccelerometerPair) -> OrEnd {
+        let PulseFacts { planned, drive, fit, positions, .. } = facts;
+        let steps = positions.as_ref();
         let went = steps.and_then(|steps| went(&steps.before_m, &steps.by_learning_m, &steps.after_m));
         let is_as_planned = self.check_motion(planned, drive, &self.reading(fit, sensors, went))?;
         self.check_picture_delay(is_as_planned)?;
@@ -177,7 +172,15 @@ impl ControlCycle<'_, '_> {
     /// Forecast places, after a pulse, of parts at `before_m`: by the library alone, with the learned gains, and with
     /// gains larger by [`MORE`].
     fn forecasts(&self, before_m: &[Vec2], pulse: &PlannedPulse) -> Option<[Vec<Vec2>; 3]> {
-        let with = |gain: &dyn Fn(usize, Vec2) -> f64| self.planning.forecast(before_m, pulse, gain);
+        let with = |gain: &dyn Fn(usize, Vec2) -> f64| {
+            let state = |(part, &position_m): (usize, &Vec2)| PartState {
+                position_m,
+                step_m: Vec2::zeros(),
+                radius_m: self.params.radius_m(part),
+                gain: gain(part, position_m),
+            };
+            self.planning.planner.forecast(&before_m.iter().enumerate().map(state).collect::<Vec<_>>(), pulse)
+        };
         let learned = |part: usize, at_m: Vec2| self.planning.gains.get(part, at_m);
         Some([with(&|_, _| 1.0)?, with(&learned)?, with(&|part, at_m| learned(part, at_m) + MORE)?])
     }

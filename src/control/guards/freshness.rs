@@ -64,28 +64,22 @@ impl Freshness {
 
     /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present.
     pub fn check(&mut self, frame: &Frame, now: PlateTime) -> Option<UnusableFrame> {
-        let stamp = self.check_stamp(frame, now);
-        let repeated = match &frame.positions {
-            Some(positions) => self.check_positions(positions),
-            None => self.check_picture(frame),
-        };
-        stamp.or(repeated.then_some(UnusableFrame::Repeated))
-    }
-
-    fn check_stamp(&mut self, frame: &Frame, now: PlateTime) -> Option<UnusableFrame> {
         let before = self.last.replace((frame.index, frame.exposed_at));
         let older_s = now - frame.exposed_at;
         let is_next = before.is_none_or(|(index, at)| frame.index > index && frame.exposed_at > at);
         let in_time = (-self.frame_s..=OLDEST_FRAMES * self.frame_s + self.exposure_s).contains(&older_s);
-        (!is_next || !in_time).then_some(UnusableFrame::Stamp { older_s })
-    }
-
-    /// True for positions that came before: noise makes each of them unique.
-    fn check_positions(&mut self, positions: &MeasuredPositions) -> bool {
-        let before = self.positions.replace(positions.clone());
-        let is_same = before.as_ref() == Some(positions);
-        self.changed |= before.is_some() && !is_same;
-        is_same && !positions.discs.is_empty()
+        let repeated = match &frame.positions {
+            Some(positions) => {
+                // noise makes all positions unique
+                let before = self.positions.replace(positions.clone());
+                let is_same = before.as_ref() == Some(positions);
+                self.changed |= before.is_some() && !is_same;
+                is_same && !positions.discs.is_empty()
+            }
+            None => self.check_picture(frame),
+        };
+        let stamp = (!is_next || !in_time).then_some(UnusableFrame::Stamp { older_s });
+        stamp.or(repeated.then_some(UnusableFrame::Repeated))
     }
 
     fn check_picture(&mut self, frame: &Frame) -> bool {

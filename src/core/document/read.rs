@@ -56,7 +56,10 @@ pub fn text_of(path: &FilePath) -> Result<String, Vec<Diagnostic>> {
 pub fn text_within(path: &FilePath, most: u64) -> Result<String, Vec<Diagnostic>> {
     let fault =
         |found: String, allowed: &str| vec![Diagnostic::new(&path.display().to_string(), Path::root(), found, allowed)];
-    let bytes = bytes_of(path, most).map_err(|error| vec![unreadable(path, &error)])?;
+    let mut bytes = Vec::new();
+    // one byte more than is allowed, so that endless files end here, too
+    let read = File::open(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes));
+    read.map_err(|error| vec![unreadable(path, &error)])?;
     if bytes.len() as u64 > most {
         return Err(fault("a larger file".to_owned(), &format!("up to {} MiB ({most} bytes)", most >> 20)));
     }
@@ -98,13 +101,6 @@ pub fn reason(error: &io::Error) -> String {
             text.strip_suffix(&number).unwrap_or(&text).to_lowercase()
         }
     }
-}
-
-/// Reads at most one byte more than is allowed, so that endless files end here too.
-fn bytes_of(path: &FilePath, most: u64) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
-    Ok(bytes)
 }
 
 /// Builds the result of `build` from the document in `text`.

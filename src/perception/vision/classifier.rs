@@ -2,7 +2,6 @@ use nalgebra::Matrix2;
 
 use super::disk::DiskKernel;
 use super::rim::{RimFinder, RimFit};
-use super::sampling::Sampler;
 use super::{Detection, Table};
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
@@ -19,25 +18,12 @@ pub(super) const APART: f64 = 0.8;
 pub(super) struct PartClassifier {
     pub(super) kinds: Vec<PartKind>,
     pub(super) dark_parts: bool,
-    rim: RimFinder,
+    pub(super) rim: RimFinder,
 }
 
 impl PartClassifier {
     pub(super) fn new(kinds: &[PartKind], dark_parts: bool) -> Self {
         Self { kinds: kinds.to_vec(), dark_parts, rim: RimFinder::new(dark_parts) }
-    }
-
-    /// Fits the rim of a part of `kind` whose foot is near `foot_m`: rays of `N` samples over `reach_px` to both sides
-    /// of it.
-    pub(super) fn rim<const N: usize>(
-        &self,
-        sampler: &Sampler,
-        table: &Table,
-        kind: usize,
-        foot_m: Vec2,
-        reach_px: f64,
-    ) -> Option<RimFit> {
-        self.rim.fit::<N>(sampler, table, self.kinds.get(kind)?, foot_m, reach_px)
     }
 
     /// Foot of a part of `kind` whose outline is centred at `center_px`.

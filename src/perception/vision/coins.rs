@@ -206,11 +206,11 @@ impl CoinFinder {
         let foot_m = self.classifier.foot_below(&self.table, kind, center_px);
         let close = |kind: usize, foot_m| {
             let reach_px = reach_px(self.disks[kind].reach() as f64);
-            self.classifier.rim::<9>(sampler, &self.table, kind, foot_m, reach_px)
+            self.classifier.rim.fit::<9>(sampler, &self.table, self.classifier.kinds.get(kind)?, foot_m, reach_px)
         };
         let wide = || {
             let reach_px = (0.2 * self.disks[kind].reach() as f64).max(5.0);
-            self.classifier.rim::<25>(sampler, &self.table, kind, foot_m, reach_px)
+            self.classifier.rim.fit::<25>(sampler, &self.table, self.classifier.kinds.get(kind)?, foot_m, reach_px)
         };
         let first = close(kind, foot_m).or_else(wide)?;
         let (kind, fit) = self.settled(first, close)?;

@@ -141,8 +141,8 @@ fn corners(frame: &Frame, lens: &Lens, shape: QuadShape) -> Result<[Vec2; 4], Ta
     let cell_px = bin as f64;
     let mut ballot = HoughAccumulator::new(&edges, (size - Vec2::repeat(1.0)) / 2.0, size.norm() * 0.6, cell_px);
     let lines = strongest_lines(&mut ballot, &edges, cell_px);
-    let quad = choose(&lines, shape, &LineEvidence { lens, sampler: &sampler, frame, edges: &edges, cell_px })?;
-    let corners = refined_corners(&sampler, lens, &quad, &edges, bin)?;
+    let seen = LineEvidence { lens, sampler: &sampler, frame, edges: &edges, cell_px };
+    let corners = refined_corners(&choose(&lines, shape, &seen)?, &seen)?;
     if corners.iter().all(|&corner| sampler.contains(lens.image_from_ideal(corner), 0.0)) {
         Ok(corners)
     } else {
@@ -261,25 +261,18 @@ fn no_quad(lines: &[DetectedLine], seen: &LineEvidence, nearest: Option<String>)
 }
 
 /// Corners from the sides: first through the edges found, then from coarse profiles, then from all profiles.
-fn refined_corners(
-    sampler: &Sampler,
-    lens: &Lens,
-    quad: &Quad,
-    edges: &[IdealEdge],
-    bin: usize,
-) -> Result<[Vec2; 4], TableFault> {
+fn refined_corners(quad: &Quad, seen: &LineEvidence) -> Result<[Vec2; 4], TableFault> {
+    let &LineEvidence { lens, sampler, edges, cell_px, .. } = seen;
     let look = SideMeasurement { sampler, lens, bright: quad.bright, stations: 96, known: false };
-    let seen = |from: Vec2, to: Vec2| {
+    let along_edges = |from: Vec2, to: Vec2| {
         let outward = HoughLine::through(from, to).normal * if quad.bright { 1.0 } else { -1.0 };
-        through_edges(edges, from, to, outward, near_px(bin as f64))
+        through_edges(edges, from, to, outward, near_px(cell_px))
     };
-    let corners = from_sides(quad.corners, seen)?;
-    let corners = from_sides(
-        corners,
-        |from, to| {
-            if bin > 6 { look.refine::<25>(from, to) } else { look.refine::<11>(from, to) }
-        },
-    )?;
+    let corners = from_sides(quad.corners, along_edges)?;
+    let coarse = |from: Vec2, to: Vec2| {
+        if cell_px > 6.0 { look.refine::<25>(from, to) } else { look.refine::<11>(from, to) }
+    };
+    let corners = from_sides(corners, coarse)?;
     let careful = SideMeasurement { stations: 256, known: true, ..look };
     from_sides(corners, |from, to| careful.refine::<9>(from, to))
 }

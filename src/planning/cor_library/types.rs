@@ -262,8 +262,9 @@ file_form!(
     entries: Vec<EntryForm> => Vec<Entry>, |forms| forms.into_iter().map(entry).collect(),
     |entries| entries.iter().map(entry_form).collect()
 );
-file_form!(axes_hz: PerAxis => [f64; 3], |hz| hz.values().map(|hz| TAU * hz), |radps| per_axis(radps.map(|w| w / TAU)));
-file_form!(axes: PerAxis => [f64; 3], |axes| axes.values(), |values| per_axis(*values));
+file_form!(axes_hz: PerAxis => [f64; 3], |PerAxis { x, y, spin }| [x, y, spin].map(|hz| TAU * hz),
+    |radps| per_axis(radps.map(|w| w / TAU)));
+file_form!(axes: PerAxis => [f64; 3], |PerAxis { x, y, spin }| [x, y, spin], |values| per_axis(*values));
 file_form!(
     matrices: Vec<MatrixForm> => Vec<Matrix3<Complex<f64>>>, |forms| forms.iter().map(matrix).collect(),
     |matrices| matrices.iter().map(matrix_form).collect()
@@ -313,10 +314,4 @@ fn entry(form: EntryForm) -> Entry {
 fn per_axis(values: [f64; 3]) -> PerAxis {
     let [x, y, spin] = values.map(|value| rounded(value, 4));
     PerAxis { x, y, spin }
-}
-
-impl PerAxis {
-    fn values(&self) -> [f64; 3] {
-        [self.x, self.y, self.spin]
-    }
 }

@@ -20,7 +20,10 @@ impl Library {
     /// Validates the rules that a schema cannot express; lists every fault, with its file left blank.
     pub(super) fn checked(self) -> Result<Self, Vec<Diagnostic>> {
         let mut faults = Diagnostics::of("");
-        check_head(&self, &mut faults);
+        for (name, shape) in AXES.iter().zip(&self.shapes) {
+            let moves = shape.0.iter().any(|harmonic| harmonic.cos != 0.0 || harmonic.sin != 0.0);
+            faults.require(moves, format!("shapes.{name}"), "zeros", "a waveform that moves the plate");
+        }
         check_entries(&self, &mut faults);
         check_displacement(&self.displacement, &mut faults);
         for (k, matrix) in self.fields.iter().flat_map(|fields| fields.twist_from_counts.iter().enumerate()) {
@@ -108,13 +111,6 @@ pub(crate) fn flow_eigenvalues(flows: impl Iterator<Item = Vec2>) -> [f64; 2] {
     let (xx, xy, yy) = flows.fold((0.0, 0.0, 0.0), |(xx, xy, yy), t| (xx + t.x * t.x, xy + t.x * t.y, yy + t.y * t.y));
     let (middle, spread) = (0.5 * (xx + yy), libm::hypot(0.5 * (xx - yy), xy));
     [middle + spread, middle - spread]
-}
-
-fn check_head(library: &Library, faults: &mut Diagnostics) {
-    for (name, shape) in AXES.iter().zip(&library.shapes) {
-        let moves = shape.0.iter().any(|harmonic| harmonic.cos != 0.0 || harmonic.sin != 0.0);
-        faults.require(moves, format!("shapes.{name}"), "zeros", "a waveform that moves the plate");
-    }
 }
 
 fn check_entries(Library { entries, motor_arrangement: arrangement, .. }: &Library, faults: &mut Diagnostics) {

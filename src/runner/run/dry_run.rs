@@ -80,7 +80,8 @@ pub fn dry_run(
     let mut dry_runs = at_the_same_time(&jobs, library, &selection, watch)?;
     let speed_mps = fast.and_then(|(_, asked_mps, longest_m)| {
         let run = dry_runs.pop()?;
-        let advanced_s = run.record.advanced_s();
+        let [begun, ended] = run.record.advanced;
+        let advanced_s = ended.secs_since(begun);
         (run.report.reached_goal() && advanced_s > 0.0).then(|| [asked_mps, longest_m / advanced_s])
     });
     let starts_m = named(&placed, &params);

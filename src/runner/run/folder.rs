@@ -13,7 +13,7 @@ use upm_core::files::{sync_folder, write_whole};
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
-use upm_recording::{BackgroundWriter, RecordingOptions, Report};
+use upm_recording::{BackgroundWriter, RecordingOptions};
 
 /// Most folders of one name; another one is refused.
 const MOST_NAMESAKES: u32 = 1000;
@@ -82,14 +82,10 @@ impl RunFolder {
         )
     }
 
-    pub(super) fn write_report(&self, report: &Report) -> Result<(), RunError> {
-        self.write_json(REPORT_FILE, report)
-    }
-
     pub(super) fn journal(&self, recording_options: &RecordingOptions) -> Result<BackgroundWriter, RunError> {
         File::create(self.0.join("journal.jsonl"))
             .and_then(|file| {
-                self.sync_names();
+                sync_folder(&self.0).ok();
                 BackgroundWriter::start(
                     file,
                     recording_options.journal_overflow,
@@ -101,19 +97,15 @@ impl RunFolder {
             .map_err(|error| self.write_error("journal.jsonl", &reason(&error)))
     }
 
-    /// Makes the file names durable over a power cut, on a disk that can.
-    fn sync_names(&self) {
-        sync_folder(&self.0).ok();
-    }
-
-    fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<(), RunError> {
+    /// Writes `value` into a file, whole and with its name safe over a power cut, on a disk that can.
+    pub(super) fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<(), RunError> {
         let text = serde_json::to_string_pretty(value).map_err(|error| self.write_error(name, &error))?;
         // atomic: a file under its final name is complete and on the disk
         let draft = self.0.join(format!("{name}.part"));
         File::create(&draft)
             .and_then(|file| write_whole(file, &draft, &self.0.join(name), (text + "\n").as_bytes()))
             .map_err(|error| self.write_error(name, &reason(&error)))?;
-        self.sync_names();
+        sync_folder(&self.0).ok();
         Ok(())
     }
 }

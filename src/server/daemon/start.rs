@@ -93,7 +93,12 @@ impl Daemon {
         let state =
             DaemonState::new(spec, store, plates, prepared.tokens, clock, version).map_err(StartFault::Plates)?;
         let state = Arc::new(state);
-        let estop_socket = estop_socket_of(&state, &listener);
+        let stop = EmergencyStops(Arc::clone(&state));
+        let port = listener.local_addr().map(|address| address.port());
+        let estop_socket = port.and_then(|port| EStopSocket::open(&state.spec.data, port, stop));
+        // only logged: HTTP and SIGUSR1 stop the plates, too
+        let fault = |error| tracing::error!("{}: {error}", state.spec.data.join(ESTOP_SOCKET).display());
+        let estop_socket = estop_socket.map_err(fault).ok();
         if let Some(stop_listener) = stop_listener {
             take_stops(stop_listener, &state).map_err(StartFault::Plates)?;
         }
@@ -194,15 +199,6 @@ fn end(
     let in_order = persisted && state.store.close(STORE_WITHIN) && plates_left.is_empty();
     tracing::debug!(in_order, "the store is closed");
     ExitReport { plates_left, dropped: served.unwrap_or(0), in_order }
-}
-
-/// Opens the socket for emergency stops. A failure is only logged: HTTP and SIGUSR1 stop the plates, too.
-fn estop_socket_of(state: &Arc<DaemonState>, listener: &TcpListener) -> Option<EStopSocket> {
-    let stop = EmergencyStops(Arc::clone(state));
-    let port = listener.local_addr().map(|address| address.port());
-    let socket = port.and_then(|port| EStopSocket::open(&state.spec.data, port, stop));
-    let fault = |error| tracing::error!("{}: {error}", state.spec.data.join(ESTOP_SOCKET).display());
-    socket.map_err(fault).ok()
 }
 
 /// Takes emergency stops on the port that has nothing else.

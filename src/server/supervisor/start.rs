@@ -14,7 +14,6 @@ use super::latch::{Latch, make_folder};
 use super::preview::FramePreview;
 use super::watchdog::{TICK, Watchdog, ms};
 use super::worker::PlateWorker;
-use crate::states::PauseCause;
 use crate::store::{RecoveryReport, Store};
 use upm_core::rig::Interlock;
 use upm_core::time::{Clock, MonotonicClock};
@@ -47,10 +46,40 @@ impl PlateSupervisor {
     ) -> io::Result<Self> {
         let latches = daemon.data.join("latch");
         make_folder(&latches)?;
-        let start = |(plate, library): (&PlateSpec, _)| {
-            let latch = Latch::open(&latches, &plate.name, recovery.known.contains(&plate.name))?;
-            let paused = recovery.paused.iter().find(|(name, _)| *name == plate.name).map(|(_, pause)| pause.clone());
-            start_plate(daemon, plate, library, store, latch, paused, clock)
+        let start = |(spec, library): (&PlateSpec, Arc<Library>)| -> io::Result<Arc<PlateHandle>> {
+            let (name, rig) = (spec.name.clone(), spec.rig.clone());
+            let latch = Latch::open(&latches, &name, recovery.known.contains(&name))?;
+            let paused = recovery.paused.iter().find(|(of, _)| *of == name).map(|(_, pause)| pause.clone());
+            let rules = JobRules { plate: name.clone(), rig, library, allow_faults: daemon.allow_faults };
+            let standing = spec.standing.as_ref().map(|standing| Standing::new(standing, daemon.pace, &rules));
+            let standing = standing.transpose()?;
+            let job = CurrentJob::default();
+            let interlock = Interlock::timed(Arc::new(clock));
+            let plate = Arc::new(PlateHandle {
+                clock,
+                worker: OnceLock::new(),
+                rules,
+                store: Arc::clone(store),
+                emergency_stop: EmergencyStop::new(latch, interlock, Arc::clone(&job.end_run)),
+                job,
+                ending: AtomicBool::new(false),
+                preview: FramePreview::default(),
+                standing,
+                paused: Mutex::new(paused),
+                pausing: Mutex::default(),
+                unnoted: Mutex::default(),
+                recorders: AtomicUsize::new(0),
+                #[cfg(test)]
+                idled: AtomicU64::new(0),
+                name,
+            });
+            let rerun = daemon.rerun.clone().unwrap_or(USUAL_MODE);
+            let (shared, min_free_bytes) = (Arc::clone(&plate), daemon.min_free_bytes);
+            let worker = PlateWorker { shared, rerun, min_free_bytes, waits_after_jobs: spec.waits_after_jobs };
+            let thread = thread::Builder::new().name(format!("plate-{}", plate.name));
+            let worker = thread.spawn(move || worker.work())?;
+            plate.worker.get_or_init(|| worker);
+            Ok(plate)
         };
         let plates: Vec<Arc<PlateHandle>> =
             daemon.plates.iter().zip(libraries).map(start).collect::<io::Result<_>>()?;
@@ -122,46 +151,4 @@ fn watch(plates: &[Arc<PlateHandle>], spec: WatchdogSpec, clock: MonotonicClock,
         looked_ms.store(ms(clock.elapsed()), Ordering::Relaxed);
         thread::sleep(TICK);
     }
-}
-
-/// A plate without a job, and its thread.
-fn start_plate(
-    daemon: &DaemonSpec,
-    spec: &PlateSpec,
-    library: Arc<Library>,
-    store: &Arc<Store>,
-    latch: Latch,
-    paused: Option<PauseCause>,
-    clock: MonotonicClock,
-) -> io::Result<Arc<PlateHandle>> {
-    let (name, rig) = (spec.name.clone(), spec.rig.clone());
-    let rules = JobRules { plate: name.clone(), rig, library, allow_faults: daemon.allow_faults };
-    let standing = spec.standing.as_ref().map(|standing| Standing::new(standing, daemon.pace, &rules)).transpose()?;
-    let job = CurrentJob::default();
-    let interlock = Interlock::timed(Arc::new(clock));
-    let plate = Arc::new(PlateHandle {
-        clock,
-        worker: OnceLock::new(),
-        rules,
-        store: Arc::clone(store),
-        emergency_stop: EmergencyStop::new(latch, interlock, Arc::clone(&job.end_run)),
-        job,
-        ending: AtomicBool::new(false),
-        preview: FramePreview::default(),
-        standing,
-        paused: Mutex::new(paused),
-        pausing: Mutex::default(),
-        unnoted: Mutex::default(),
-        recorders: AtomicUsize::new(0),
-        #[cfg(test)]
-        idled: AtomicU64::new(0),
-        name,
-    });
-    let rerun = daemon.rerun.clone().unwrap_or(USUAL_MODE);
-    let (shared, min_free_bytes) = (Arc::clone(&plate), daemon.min_free_bytes);
-    let worker = PlateWorker { shared, rerun, min_free_bytes, waits_after_jobs: spec.waits_after_jobs };
-    let thread = thread::Builder::new().name(format!("plate-{}", plate.name));
-    let worker = thread.spawn(move || worker.work())?;
-    plate.worker.get_or_init(|| worker);
-    Ok(plate)
 }

@@ -134,7 +134,15 @@ impl<'a> Faulty<'a> {
         let at = frame.exposed_at;
         let held: Vec<FaultSpec> = self.held(at).copied().collect();
         for fault in &held {
-            self.alter_scene(frame, fault);
+            match fault.kind {
+                FaultKind::Ghost => {
+                    if let Some(disc) = self.rig.seen_disc(place_m(fault)) {
+                        picture::paint(frame, disc);
+                    }
+                }
+                FaultKind::Hand => picture::cover(frame, fault.values[0]),
+                _ => {}
+            }
         }
         for fault in &held {
             self.alter_picture(frame, fault, at);
@@ -143,18 +151,6 @@ impl<'a> Faulty<'a> {
         for fault in held.iter().filter(|fault| fault.kind == FaultKind::Skew) {
             let skewed_s = frame.exposed_at.secs() + fault.values[0];
             frame.exposed_at = PlateTime::from_secs(skewed_s.max(0.0));
-        }
-    }
-
-    fn alter_scene(&self, frame: &mut Frame, fault: &FaultSpec) {
-        match fault.kind {
-            FaultKind::Ghost => {
-                if let Some(disc) = self.rig.seen_disc(place_m(fault)) {
-                    picture::paint(frame, disc);
-                }
-            }
-            FaultKind::Hand => picture::cover(frame, fault.values[0]),
-            _ => {}
         }
     }
 
@@ -170,8 +166,8 @@ impl<'a> Faulty<'a> {
             (_, FaultKind::Flicker) => {
                 picture::light(frame, 1.0 + FLICKER * libm::sin(TAU * value * (at - fault.from)));
             }
-            (_, FaultKind::Dark) => picture::darken(frame, &mut self.noise),
-            (FaultyComponent::Camera, FaultKind::Garbage) => picture::garble(frame, &mut self.noise),
+            (_, FaultKind::Dark) => picture::scatter(frame, &mut self.noise, 0x03),
+            (FaultyComponent::Camera, FaultKind::Garbage) => picture::scatter(frame, &mut self.noise, 0xff),
             _ => {}
         }
     }

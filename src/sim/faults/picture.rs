@@ -92,17 +92,8 @@ pub(super) fn light(frame: &mut Frame, gain: f64) {
     frame.pixels.iter_mut().for_each(|pixel| *pixel = table[usize::from(*pixel)]);
 }
 
-/// Leaves only read noise.
-pub(super) fn darken(frame: &mut Frame, noise: &mut Rng) {
-    scatter(frame, noise, 0x03);
-}
-
-/// Replaces the whole picture by noise.
-pub(super) fn garble(frame: &mut Frame, noise: &mut Rng) {
-    scatter(frame, noise, 0xff);
-}
-
-fn scatter(frame: &mut Frame, noise: &mut Rng, mask: u8) {
+/// Replaces the whole picture by noise in the bits of `mask`; read noise has the lowest two.
+pub(super) fn scatter(frame: &mut Frame, noise: &mut Rng, mask: u8) {
     if let Some(positions) = &mut frame.positions {
         positions.hide(|_| true);
     }
@@ -159,7 +150,7 @@ mod tests {
         let hidden = seen(&|frame| cover(frame, 0.4));
         assert_eq!((hidden.corners_px, hidden.discs), (None, vec![disc(12.0, 5.0)]));
         assert_eq!(seen(&|frame| cover(frame, 0.05)), seen(&|_| ()), "beside the plate");
-        let dark = seen(&|frame| darken(frame, &mut Streams::new(1).stream("faults")));
+        let dark = seen(&|frame| scatter(frame, &mut Streams::new(1).stream("faults"), 0x03));
         assert_eq!(dark, MeasuredPositions::default());
         let knocked = seen(&|frame| knock(frame, Vec2::new(3.0, -2.0), 0.0));
         assert_eq!((knocked.discs[1], knocked.corners_px.unwrap()[0]), (disc(15.0, 3.0), Vec2::new(5.0, -1.0)));
@@ -178,9 +169,9 @@ mod tests {
         paint(&mut frame, SeenDisc { center_px: Vec2::new(-9.0, 5.0), radius_px: 3.0, level: 30.0 });
         light(&mut frame, 10.0);
         assert_eq!(frame.pixels[5 * 20 + 12], 255);
-        darken(&mut frame, &mut Streams::new(1).stream("faults"));
+        scatter(&mut frame, &mut Streams::new(1).stream("faults"), 0x03);
         assert!(frame.pixels.iter().all(|&level| level < 4));
-        garble(&mut frame, &mut Streams::new(1).stream("faults"));
+        scatter(&mut frame, &mut Streams::new(1).stream("faults"), 0xff);
         assert!(frame.pixels.iter().filter(|&&level| level > 127).count() > 60);
     }
 }

@@ -9,7 +9,7 @@ use tracing_subscriber::fmt::MakeWriter;
 use tracing_subscriber::layer::SubscriberExt;
 
 use super::args::{Common, LogFormat};
-use super::panics;
+use super::{panics, signals};
 use upm_core::background::{BackgroundThread, OverflowPolicy, Queue};
 
 /// Lines of a daemon's log that may wait for its reader.
@@ -77,7 +77,10 @@ impl Write for LineQueue {
 /// A queue of lines that a thread writes to `out`.
 fn non_blocking(mut out: impl io::Write + Send + 'static) -> (LineQueue, FlushGuard) {
     let (queue, waiting) = Queue::bounded(LINES, OverflowPolicy::GiveUp);
-    let write = move || waiting.iter().map_while(|line| line).for_each(|line: Vec<u8>| drop(out.write_all(&line)));
+    let write = move || {
+        signals::ending().thread_block().ok();
+        waiting.iter().map_while(|line| line).for_each(|line: Vec<u8>| drop(out.write_all(&line)));
+    };
     let writer = BackgroundThread::start("log", false, write).ok();
     let lines = LineQueue(queue);
     (lines.clone(), FlushGuard { lines, writer })
@@ -93,15 +96,12 @@ fn level(common: Common, is_daemon: bool) -> LevelFilter {
     }
 }
 
-fn subscriber<W>(
+fn subscriber(
     daemon: Option<LogFormat>,
     level: LevelFilter,
     is_colored: bool,
-    writer: W,
-) -> Box<dyn Subscriber + Send + Sync>
-where
-    W: for<'a> MakeWriter<'a> + Send + Sync + 'static,
-{
+    writer: impl for<'a> MakeWriter<'a> + Send + Sync + 'static,
+) -> Box<dyn Subscriber + Send + Sync> {
     let log = tracing_subscriber::fmt().with_writer(writer).with_max_level(level).with_ansi(is_colored);
     // of a write that fails it would write to stderr, and panic where that fails, too
     let log = log.log_internal_errors(false);

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use image::ImageError;
 
 use super::shipped::is_shipped;
+use super::signals;
 use upm_runner::config::{Diagnostic, DiagnosticClass, reason};
 
 /// Exit status: the job ran and did not reach its goal.
@@ -118,13 +119,10 @@ pub(super) fn print(
 pub(super) fn stop_on_interrupt() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
-    let handler = move || {
+    signals::attend(signals::ending(), move || {
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(i32::from(INTERRUPTED));
         }
-    };
-    if let Err(error) = ctrlc::set_handler(handler) {
-        tracing::warn!("Ctrl-C will not stop cleanly: {error}");
-    }
+    });
     stop
 }

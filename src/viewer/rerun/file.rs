@@ -30,7 +30,11 @@ impl RrdFile {
         feed: Option<MessageSink>,
         handle: RecordingHandle,
     ) -> Result<Self, String> {
-        let state = State { encoder: Some(encoder(out, &handle)?), fault: None, feed };
+        let out = CountingWriter { out, handle: handle.clone() };
+        // the header first
+        let encoder = Encoder::new_eager(rerun::build_info().version, EncodingOptions::PROTOBUF_COMPRESSED, out);
+        let encoder = encoder.map_err(|e| e.to_string()).inspect_err(|fault| handle.fail(fault.as_str()))?;
+        let state = State { encoder: Some(encoder), fault: None, feed };
         Ok(Self(Arc::new(Mutex::new(state)), handle))
     }
 
@@ -78,13 +82,6 @@ impl LogSink for RrdFile {
     fn defers_finalization_to_shutdown(&self) -> bool {
         true
     }
-}
-
-/// An encoder that writes messages to `out`, the header first.
-fn encoder(out: Box<dyn Write + Send>, handle: &RecordingHandle) -> Result<Encoder<CountingWriter>, String> {
-    let out = CountingWriter { out, handle: handle.clone() };
-    let encoder = Encoder::new_eager(rerun::build_info().version, EncodingOptions::PROTOBUF_COMPRESSED, out);
-    encoder.map_err(|e| e.to_string()).inspect_err(|fault| handle.fail(fault.as_str()))
 }
 
 /// Counts the bytes that pass through.

@@ -69,8 +69,8 @@ fn images_at_60_hz_keep_no_other_series_out_of_the_file() {
     // so large that Rerun sends them at once and defers everything else
     let age_s = age_in_file_s(&path, &["/log", "/errors/sensing_mm", "/table/measured"], || {
         run.observe(&mut sink, false, true);
-        sink.event(&EventFacts::note(run.now(), EventLevel::Info, "a frame"));
-        run.now().secs()
+        sink.event(&EventFacts::note(run.now, EventLevel::Info, "a frame"));
+        run.now.secs()
     });
     assert!(age_s <= 0.5, "{age_s} s");
     sink.finish().unwrap();

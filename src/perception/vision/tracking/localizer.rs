@@ -100,13 +100,13 @@ impl PartLocalizer {
     /// Detection of a part of the kind of part `i` whose rim is near `place_px`.
     fn recognise(&self, view: &TrackingFrame, i: usize, place_px: Vec2, expected: &Expected) -> Option<Observation> {
         let kind = view.tracks.get(i)?.seen.kind;
-        let reach = reach_px(self.radius_px(kind));
+        let (part, reach) = (self.classifier.kinds.get(kind)?, reach_px(self.radius_px(kind)));
         let rim = |foot_m| {
             if expected.speed_px < SLOW_PX {
-                return self.classifier.rim::<9>(&view.sampler, &self.table, kind, foot_m, reach);
+                return self.classifier.rim.fit::<9>(&view.sampler, &self.table, part, foot_m, reach);
             }
             let reach = (reach + 0.5 * expected.speed_px).min(2.0 * reach);
-            self.classifier.rim::<17>(&view.sampler, &self.table, kind, foot_m, reach)
+            self.classifier.rim.fit::<17>(&view.sampler, &self.table, part, foot_m, reach)
         };
         let mut fit = rim(self.classifier.foot_below(&self.table, kind, place_px))?;
         let mut moved_px = (fit.center_px - place_px).norm();
@@ -130,9 +130,10 @@ impl PartLocalizer {
         expected: &Expected,
     ) -> Option<Observation> {
         let kind = view.tracks.get(i)?.seen.kind;
+        let part = self.classifier.kinds.get(kind)?;
         let foot_m = self.classifier.foot_below(&self.table, kind, place_px);
         let reach = (0.2 * self.radius_px(kind)).max(5.0);
-        let far = self.classifier.rim::<25>(&view.sampler, &self.table, kind, foot_m, reach);
+        let far = self.classifier.rim.fit::<25>(&view.sampler, &self.table, part, foot_m, reach);
         let from_far = far.and_then(|fit| self.recognise(view, i, fit.center_px, expected));
         let close = self.recognise(view, i, place_px, expected);
         from_far.into_iter().chain(close).max_by_key(|detection| detection.agreeing)

@@ -222,10 +222,9 @@ impl FieldPlanner {
 
     /// `iterate`, changed until it keeps the limits, with penalties where necessary.
     fn cleared(&self, mut iterate: Iterate, free: &ShootingProblem<'_>, parts: &[PartState]) -> Result<Iterate, Limit> {
-        let clearances = Clearances::of(parts, &self.params);
         let mut penalties = free.penalties.to_vec();
         for tried in 0.. {
-            let Some(limit) = self.broken(free.basis, &clearances, &iterate.rollout, parts) else { break };
+            let Some(limit) = self.broken(free.basis, &iterate.rollout, parts) else { break };
             if tried == MOST_GUARDED {
                 return Err(limit);
             }
@@ -276,13 +275,8 @@ impl FieldPlanner {
     }
 
     /// The first limit broken along the rollout, or at its end, where sway no longer applies.
-    fn broken(
-        &self,
-        basis: &HarmonicBasis,
-        clearances: &Clearances,
-        rollout: &Rollout,
-        parts: &[PartState],
-    ) -> Option<Limit> {
+    fn broken(&self, basis: &HarmonicBasis, rollout: &Rollout, parts: &[PartState]) -> Option<Limit> {
+        let clearances = Clearances::of(parts, &self.params);
         let start_m: Vec<Vec2> = parts.iter().map(|part| part.position_m).collect();
         let mut before_m = start_m.clone();
         let every = basis.steps_a_period() / OBSERVATIONS;

@@ -45,7 +45,7 @@ pub struct DryRunRecord {
     pub limits_met: BTreeMap<String, u64>,
     radii_m: Vec<f64>,
     /// Time of the last observation before the task advanced, and of the last one.
-    advanced: [PlateTime; 2],
+    pub(super) advanced: [PlateTime; 2],
     /// Number of the run and the receiver of its progress.
     progress: Option<(usize, SyncSender<Progress>)>,
 }
@@ -59,14 +59,6 @@ pub struct ClosestApproach {
     pub parts: [usize; 2],
     /// Plate time, s.
     pub at_s: f64,
-}
-
-impl DryRunRecord {
-    /// Time in which the task advanced, s.
-    pub(super) fn advanced_s(&self) -> f64 {
-        let [begun, ended] = self.advanced;
-        ended.secs_since(begun)
-    }
 }
 
 impl Sink for DryRunRecord {

@@ -10,7 +10,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use serde::de::DeserializeOwned;
-use ureq::http::{Method, Request, Response, Uri, header};
+use ureq::http::request::Builder;
+use ureq::http::{Request, Response, Uri, header};
 use ureq::{Agent, Body};
 
 use crate::cli::client_args::DaemonArgs;
@@ -112,17 +113,18 @@ impl Client {
 
     /// GET of the value at `path`.
     pub fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientRefusal> {
-        self.read(self.send(Method::GET, path, &[], "", self.timeouts)?)
+        self.read(self.send(Request::get(self.url(path)), "", self.timeouts)?)
     }
 
-    /// POST to `path`; an empty `json` sends no body.
-    pub fn post<T: DeserializeOwned>(
-        &self,
-        path: &str,
-        json: &str,
-        headers: &[(&str, &str)],
-    ) -> Result<T, ClientRefusal> {
-        self.read(self.send(Method::POST, path, headers, json, self.timeouts)?)
+    /// POST to `path`, under an idempotency key if one is given; an empty `json` sends no body.
+    pub fn post<T: DeserializeOwned>(&self, path: &str, json: &str, key: Option<&str>) -> Result<T, ClientRefusal> {
+        let request = Request::post(self.url(path));
+        let request = key.into_iter().fold(request, |request, key| request.header("Idempotency-Key", key));
+        self.read(self.send(request, json, self.timeouts)?)
+    }
+
+    fn url(&self, path: &str) -> String {
+        format!("{}{path}", self.base)
     }
 
     /// The `most` newest jobs, fetched page by page.
@@ -144,25 +146,14 @@ impl Client {
 
     /// Stream of the events at `path`, from the one after `after` on.
     pub fn stream(&self, path: &str, after: Option<u64>) -> Result<Box<dyn Read + Send>, ClientRefusal> {
-        let after = after.map(|after| after.to_string());
-        let headers: Vec<_> = after.iter().map(|after| ("Last-Event-ID", after.as_str())).collect();
-        let response = self.send(Method::GET, path, &headers, "", Timeouts::Stream)?;
+        let request = Request::get(self.url(path));
+        let request = after.into_iter().fold(request, |request, after| request.header("Last-Event-ID", after));
+        let response = self.send(request, "", Timeouts::Stream)?;
         Ok(Box::new(response.into_body().into_reader()))
     }
 
     /// Sends a request; an error status is returned as a refusal.
-    fn send(
-        &self,
-        method: Method,
-        path: &str,
-        headers: &[(&str, &str)],
-        body: &str,
-        timeouts: Timeouts,
-    ) -> Result<Response<Body>, ClientRefusal> {
-        let mut request = Request::builder().method(method.clone()).uri(format!("{}{path}", self.base));
-        for (name, value) in headers {
-            request = request.header(*name, *value);
-        }
+    fn send(&self, mut request: Builder, body: &str, timeouts: Timeouts) -> Result<Response<Body>, ClientRefusal> {
         if let Some(bearer) = &self.bearer {
             request = request.header(header::AUTHORIZATION, bearer);
         }

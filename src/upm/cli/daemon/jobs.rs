@@ -41,7 +41,7 @@ pub(super) fn show(args: &JobArgs, common: Common) -> Result<u8, Failure> {
 fn after(operation: &str, args: &JobArgs) -> Result<Job, Failure> {
     let client = Client::new(&args.daemon)?;
     let path = job_path(&job_id(&client, &args.id)?);
-    Ok(client.post(&format!("{path}/{operation}"), "", &[])?)
+    Ok(client.post(&format!("{path}/{operation}"), "", None)?)
 }
 
 pub(super) fn run_next(args: &JobArgs, common: Common) -> Result<u8, Failure> {

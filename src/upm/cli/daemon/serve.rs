@@ -1,6 +1,5 @@
 use std::io::ErrorKind;
-use std::sync::mpsc::{Receiver, sync_channel};
-use std::thread;
+use std::sync::mpsc::sync_channel;
 
 use jiff::Timestamp;
 use nix::sys::signal::{SigSet, Signal};
@@ -8,6 +7,7 @@ use nix::sys::signal::{SigSet, Signal};
 use crate::cli::args::{Common, ServeArgs};
 use crate::cli::check::{ValidFile, show};
 use crate::cli::output::{Failure, NOT_REACHED};
+use crate::cli::signals;
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 use upm_server::api::EStopped;
@@ -22,7 +22,10 @@ pub(crate) fn serve(args: &ServeArgs, common: Common) -> Result<u8, Failure> {
     keep_files_private();
     let spec = spec_of(args)?;
     let prepared = prepare(&spec).map_err(Failure::faults)?;
-    let stop = stop_signals();
+    let (sender, stop) = sync_channel(1);
+    signals::attend(signals::ending(), move || {
+        sender.try_send(()).ok();
+    });
     let (names, base_path) = (spec.plate_names(), spec.base_path.clone());
     let daemon = Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, VERSION);
     let daemon = daemon.map_err(start_failure)?;
@@ -65,18 +68,6 @@ fn spec_of(args: &ServeArgs) -> Result<DaemonSpec, Failure> {
     Ok(spec)
 }
 
-/// A message for every termination signal.
-fn stop_signals() -> Receiver<()> {
-    let (sender, stop) = sync_channel(1);
-    let handler = move || {
-        sender.try_send(()).ok();
-    };
-    if let Err(error) = ctrlc::set_handler(handler) {
-        tracing::warn!("signals will not stop the daemon in order: {error}");
-    }
-    stop
-}
-
 /// Blocks SIGUSR1, which stops every plate, in this thread and in those that it starts. Called before there is a second
 /// thread, so that it does not end the process; an early signal stays pending for [`attend_sigusr1`].
 pub(crate) fn hold_back_sigusr1() {
@@ -89,22 +80,17 @@ fn sigusr1() -> SigSet {
     [Signal::SIGUSR1].into_iter().collect()
 }
 
-/// Starts the thread that waits for SIGUSR1.
+/// Stops every plate when SIGUSR1 comes.
 fn attend_sigusr1(stop: EmergencyStops) {
-    let started = thread::Builder::new().name("signals".into()).spawn(move || {
-        while sigusr1().wait().is_ok() {
-            for EStopped { plate, silent, persisted, .. } in stop.stop_all("SIGUSR1") {
-                if silent && persisted {
-                    tracing::warn!(plate, "stopped by SIGUSR1: motors silent, on the disk");
-                } else {
-                    tracing::error!(plate, silent, persisted, "stopped by SIGUSR1, not whole yet");
-                }
+    signals::attend(sigusr1(), move || {
+        for EStopped { plate, silent, persisted, .. } in stop.stop_all("SIGUSR1") {
+            if silent && persisted {
+                tracing::warn!(plate, "stopped by SIGUSR1: motors silent, on the disk");
+            } else {
+                tracing::error!(plate, silent, persisted, "stopped by SIGUSR1, not whole yet");
             }
         }
     });
-    if let Err(error) = started {
-        tracing::error!("SIGUSR1 will not stop the plates: {error}");
-    }
 }
 
 fn start_failure(fault: StartFault) -> Failure {

@@ -7,7 +7,7 @@ use super::client::{Client, ClientRefusal, on_one_line, plate_path};
 use super::{jobs, local_stop};
 use crate::cli::args::Common;
 use crate::cli::client_args::{EstopArgs, PlateArgs, ResetArgs};
-use crate::cli::output::{BAD_INPUT, Failure, NOT_REACHED, print, print_json};
+use crate::cli::output::{Failure, NOT_REACHED, print, print_json};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_server::api::{EStopped, Plate, Plates, ResetRequest};
 use upm_server::daemon::LocalStopAnswer;
@@ -37,22 +37,17 @@ pub(super) struct Stop {
 }
 
 impl Stop {
-    /// Result of a stop for which the daemon was asked once for all plates.
-    fn of_one_request(answer: EStopped, via: &'static str, wall_s: f64) -> Self {
-        let (plate, status) = (answer.plate.clone(), status_of(&answer));
-        Self { plate, answer: Some(answer), error: None, via, attempts: 1, wall_s, status }
+    /// Result by the last answer. The exit status is 0 only if the motors are known to be silent and the stop is
+    /// stored, so that it outlasts a restart.
+    fn of(plate: &str, answer: Result<EStopped, Failure>, via: &'static str, attempts: u32, wall_s: f64) -> Self {
+        let is_whole = |answer: &EStopped| answer.silent && answer.persisted;
+        let (answer, error, status) = match answer {
+            Ok(answer) if is_whole(&answer) => (Some(answer), None, 0),
+            Ok(answer) => (Some(answer), None, NOT_REACHED),
+            Err(failure) => (None, Some(failure.lines.join("; ")), failure.status),
+        };
+        Self { plate: plate.to_owned(), answer, error, via, attempts, wall_s, status }
     }
-
-    /// Result for a name that no plate of the daemon has.
-    fn unknown(name: &str, via: &'static str) -> Self {
-        let error = Some("there is no such plate".to_owned());
-        Self { plate: name.to_owned(), answer: None, error, via, attempts: 1, wall_s: 0.0, status: BAD_INPUT }
-    }
-}
-
-/// Exit status; 0 only if the motors are known to be silent and the stop is stored, so that it outlasts a restart.
-fn status_of(answer: &EStopped) -> u8 {
-    if answer.silent && answer.persisted { 0 } else { NOT_REACHED }
 }
 
 pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
@@ -62,9 +57,11 @@ pub(super) fn estop(args: &EstopArgs, common: Common) -> Result<u8, Failure> {
         Some((stops, via)) => {
             let wall_s = clock.elapsed().as_secs_f64();
             let is_unknown = |name: &&String| !stops.iter().any(|stop| stop.plate == **name);
-            let unknown: Vec<Stop> =
-                args.plates.iter().filter(is_unknown).map(|name| Stop::unknown(name, via)).collect();
-            stops.into_iter().map(|stop| Stop::of_one_request(stop, via, wall_s)).chain(unknown).collect()
+            let refused = || Err(Failure::bad_input("there is no such plate"));
+            let unknown = args.plates.iter().filter(is_unknown).map(|name| Stop::of(name, refused(), via, 1, 0.0));
+            let unknown: Vec<Stop> = unknown.collect();
+            let stopped = |stop: EStopped| Stop::of(&stop.plate.clone(), Ok(stop), via, 1, wall_s);
+            stops.into_iter().map(stopped).chain(unknown).collect()
         }
         None => {
             let client = Client::for_stop(&args.daemon)?;
@@ -87,7 +84,7 @@ fn stop_at_listener(args: &EstopArgs) -> Option<Vec<EStopped>> {
     let url = args.stop_url.clone().or_else(|| std::env::var("UPM_STOP_URL").ok());
     let url = url.filter(|_| args.plates.is_empty())?;
     let listener = Client::for_stop(&args.daemon).and_then(|client| client.elsewhere(&url));
-    let answer = listener.and_then(|client| Ok(client.post::<LocalStopAnswer>(STOP_PATH, "", &[])?));
+    let answer = listener.and_then(|client| Ok(client.post::<LocalStopAnswer>(STOP_PATH, "", None)?));
     match answer {
         Ok(answer) => Some(answer.stops),
         Err(failure) => {
@@ -123,16 +120,10 @@ pub(super) fn stop_all(client: &Client, names: &[String]) -> Vec<Stop> {
 fn stop_one(client: &Client, name: &str) -> Stop {
     let clock = MonotonicClock::new();
     let (answer, attempts) = match plate_path(name) {
-        Ok(path) => with_retries(|| client.post::<EStopped>(&format!("{path}/estop"), "", &[])),
+        Ok(path) => with_retries(|| client.post::<EStopped>(&format!("{path}/estop"), "", None)),
         Err(failure) => (Err(failure), 0),
     };
-    let wall_s = clock.elapsed().as_secs_f64();
-    let status = answer.as_ref().map_or_else(|failure| failure.status, status_of);
-    let (answer, error) = match answer {
-        Ok(answer) => (Some(answer), None),
-        Err(failure) => (None, Some(failure.lines.join("; "))),
-    };
-    Stop { plate: name.to_owned(), answer, error, via: "http", attempts, wall_s, status }
+    Stop::of(name, answer, "http", attempts, clock.elapsed().as_secs_f64())
 }
 
 /// Repeats a request that was refused for a reason that may pass. Every request opens a new connection.
@@ -171,12 +162,12 @@ pub(super) fn reset(args: &ResetArgs, common: Common) -> Result<u8, Failure> {
         return Err(Failure::bad_input(format!("--{member}: expected {allowed}, found {found}")));
     }
     let body = serde_json::to_string(&request).map_err(Failure::failed)?;
-    report_plate(&Client::new(&args.daemon)?.post(&format!("{path}/reset"), &body, &[])?, common)
+    report_plate(&Client::new(&args.daemon)?.post(&format!("{path}/reset"), &body, None)?, common)
 }
 
 pub(super) fn resume(args: &PlateArgs, common: Common) -> Result<u8, Failure> {
     let path = plate_path(&args.plate)?;
-    report_plate(&Client::new(&args.daemon)?.post(&format!("{path}/resume"), "", &[])?, common)
+    report_plate(&Client::new(&args.daemon)?.post(&format!("{path}/resume"), "", None)?, common)
 }
 
 fn report_plate(plate: &Plate, common: Common) -> Result<u8, Failure> {

@@ -39,7 +39,7 @@ pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
 /// idempotency key.
 pub(super) fn queue(client: &Client, body: &str, pace: Option<Pace>, key: &str) -> Result<Job, ClientRefusal> {
     let path = pace.map_or("/v1/jobs".to_owned(), |pace| format!("/v1/jobs?pace={}", pace.code()));
-    let send = || client.post(&path, body, &[("Idempotency-Key", key)]);
+    let send = || client.post(&path, body, Some(key));
     send().or_else(|refusal| {
         if !is_open(&refusal) {
             return Err(refusal);
@@ -57,15 +57,7 @@ fn is_open(refusal: &ClientRefusal) -> bool {
 /// Checked job of the file with all drawings written out, so that it names no other file. The rig is written out, so
 /// that a plate with another rig refuses the job, and without its library, which each plate sets itself.
 fn sendable(file: &Path) -> Result<JobFile, Failure> {
-    let mut job = checked_job(file)?;
-    if let Some(RigSource::Inline(rig)) = &mut job.rig {
-        rig.library = None;
-    }
-    Ok(job)
-}
-
-fn checked_job(file: &Path) -> Result<JobFile, Failure> {
-    let (job, warnings) = match JobSpec::load(file) {
+    let (mut job, warnings): (JobFile, _) = match JobSpec::load(file) {
         Ok(job) => (serde_json::from_value(job.effective()).map_err(Failure::failed)?, job.warnings),
         // a job without a rig runs on that of the plate: the daemon, which knows it, checks the rest
         Err(faults) if faults.iter().all(|fault| fault.path == "rig" && fault.class == DiagnosticClass::Missing) => {
@@ -76,6 +68,9 @@ fn checked_job(file: &Path) -> Result<JobFile, Failure> {
         Err(faults) => return Err(Failure::of_files(faults)),
     };
     warnings.iter().for_each(|warning| errln!("upm: warning: {warning}"));
+    if let Some(RigSource::Inline(rig)) = &mut job.rig {
+        rig.library = None;
+    }
     Ok(job)
 }
 

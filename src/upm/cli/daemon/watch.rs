@@ -9,6 +9,7 @@ use super::jobs::plate_line;
 use crate::cli::args::Common;
 use crate::cli::client_args::JobArgs;
 use crate::cli::output::{Failure, INTERRUPTED, NOT_REACHED, reader_left};
+use crate::cli::signals;
 use follow::{StreamFollower, StreamItem, job_of};
 use job_display::{note, show, show_end};
 use upm_server::api::{Job, Plates};
@@ -25,13 +26,10 @@ pub(super) fn follow(client: &Client, id: &str, after: Option<u64>, common: Comm
     let path = job_path(id);
     let left = format!("no longer watching; the job goes on (upm watch {id}, upm cancel {id})");
     let interrupted = left.clone();
-    let handler = move || {
+    signals::attend(signals::ending(), move || {
         note(&interrupted, common);
         std::process::exit(i32::from(INTERRUPTED));
-    };
-    if let Err(error) = ctrlc::set_handler(handler) {
-        tracing::warn!("Ctrl-C will not stop cleanly: {error}");
-    }
+    });
     let mut follower = StreamFollower::new(client.clone(), format!("{path}/events"), after);
     while let Some(item) = follower.next() {
         match item {

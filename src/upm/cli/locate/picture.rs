@@ -6,7 +6,7 @@ use std::io::{self, Cursor, Read};
 use std::path::Path;
 
 use image::metadata::Orientation;
-use image::{ColorType, DynamicImage, GrayImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use crate::cli::output::Failure;
 use upm_core::signal::Frame;
@@ -75,10 +75,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<InputPicture, String> {
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(no_picture)?;
     picture.apply_orientation(orientation);
-    let (gray, bits) = gray(picture)?;
-    let mut frame = Frame::new(0, 0);
-    (frame.width, frame.height) = (gray.width() as usize, gray.height() as usize);
-    frame.pixels = gray.into_raw();
+    let (frame, bits) = gray(picture)?;
     Ok(InputPicture { frame, bits, focal_sides })
 }
 
@@ -121,18 +118,18 @@ fn focal_sides(exif: &[u8]) -> Option<f64> {
 }
 
 /// Luminance in 8 bits, with the bits used of more; transparent pixels become black, like the ground around a plate.
-fn gray(image: DynamicImage) -> Result<(GrayImage, Option<u32>), String> {
-    let (width, height, color) = (image.width(), image.height(), image.color());
+fn gray(image: DynamicImage) -> Result<(Frame, Option<u32>), String> {
+    let (width, height, color) = (image.width() as usize, image.height() as usize, image.color());
     let (pixels, bits) = match color {
-        ColorType::L8 | ColorType::Rgb8 => return Ok((image.into_luma8(), None)),
+        ColorType::L8 | ColorType::Rgb8 => (image.into_luma8().into_raw(), None),
         ColorType::La8 | ColorType::Rgba8 => {
             (over_black(image).iter().map(|&level| (level / 257) as u8).collect(), None)
         }
         ColorType::L16 | ColorType::Rgb16 | ColorType::La16 | ColorType::Rgba16 => narrowed(&over_black(image)),
         _ => return Err(format!("{color:?} pixels")),
     };
-    let gray = GrayImage::from_raw(width, height, pixels).ok_or("fewer pixels than the picture has room for")?;
-    Ok((gray, bits))
+    let frame = Frame::of_picture(width, height, pixels).ok_or("fewer pixels than the picture has room for")?;
+    Ok((frame, bits))
 }
 
 /// Levels of 16 bits, composed over black.
