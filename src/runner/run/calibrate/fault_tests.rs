@@ -196,7 +196,6 @@ fn miswired_accelerometer_channels_are_refused_by_name() {
 
 /// Plate times within the small calibration's steps: coins' steps are measured from 48 s to 120 s, centres from 120 s
 /// to 126 s.
-const FIRST_STEPS_S: f64 = 50.0;
 const DURING_STEPS_S: f64 = 60.0;
 const DURING_CENTRES_S: f64 = 121.0;
 
@@ -208,6 +207,6 @@ fn changes_within_a_calibration_are_refused_by_what_sees_them() {
     assert!(matches!(fault, CalibrationFault::StepChanged { .. }), "{fault}");
     let fault = refusal(Alteration::Coil(2, 0.6), DURING_CENTRES_S);
     assert!(matches!(fault, CalibrationFault::Changed { component: RigComponent::Coil(Motor::Y1), .. }), "{fault}");
-    let fault = refusal(Alteration::Camera, FIRST_STEPS_S);
+    let fault = refusal(Alteration::Camera, DURING_STEPS_S);
     assert!(matches!(&fault, CalibrationFault::Unseen(reason) if reason.contains("same picture again")), "{fault}");
 }
