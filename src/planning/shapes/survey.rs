@@ -85,11 +85,14 @@ fn look_at(node: Node<'_, '_>, beside: &mut BTreeSet<String>) {
     beside.extend(is_one_of(name, SHAPES).then(|| format!("{name} as an outline")));
     let has_fault = node.attribute("d").is_some_and(|d| parsed(d).is_err());
     beside.extend(has_fault.then(|| "path data left out from a fault on".to_owned()));
-    // usvg takes them of another length
-    let is_share = |value: &str| value.contains('%') || value.contains("center");
-    let mut written_within = node.descendants().flat_map(|within| within.attributes());
-    let has_shares = name == "symbol" && written_within.any(|written| is_share(written.value()));
-    beside.extend(has_shares.then(|| "shares of a symbol's size left out".to_owned()));
+    if name == "symbol" {
+        let copies = node.descendants().any(|within| within.tag_name().name() == "use");
+        let shown = if copies { node.document().root() } else { node };
+        let mut values = shown.descendants().flat_map(|within| within.attributes()).map(|written| written.value());
+        // usvg takes them of another length
+        let has_shares = values.any(|value| value.contains('%') || value.contains("center"));
+        beside.extend(has_shares.then(|| "shares of a symbol's size left out".to_owned()));
+    }
     let css = if name == "style" { node.text() } else { node.attribute("style") }.unwrap_or_default();
     let declared = css.split([';', '{', '}']).filter_map(|declaration| declaration.split_once(':'));
     let declared = declared.map(|(name, value)| (name.split_whitespace().last().unwrap_or_default(), value.trim()));
