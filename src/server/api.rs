@@ -38,7 +38,9 @@ pub(crate) fn app(daemon: Arc<DaemonState>) -> Router {
     let mut document = OpenApi::default();
     let routes = routes::routes(&daemon.tokens);
     let routes = routes.finish_api_with(&mut document, |api| routes::described(api, daemon.version));
-    let (hosts, base) = (AllowedHosts::new(daemon.spec.listen, &daemon.spec.hosts), daemon.spec.base_path.clone());
+    let base = daemon.spec.base_path.clone();
+    let mut hosts = AllowedHosts::new(daemon.spec.listen, &daemon.spec.hosts);
+    hosts.base_path.clone_from(&base);
     document.servers.extend((!base.is_empty()).then(|| Server { url: base.clone(), ..Server::default() }));
     let mut routes = routes.with_state(daemon).layer(Extension(Arc::new(document)));
     if !base.is_empty() {

@@ -6,8 +6,8 @@ use usvg::{Group, ImageHrefResolver, Node, Options, Transform, Tree};
 use super::survey::{PATTERN, beside_paths};
 
 /// Style over that of the document, of every element: what changes no outline, and may take any amount of memory.
-const PLAIN: &str = "* { clip-path: none !important; filter: none !important; marker: none !important; \
-    mask: none !important; stroke-dasharray: none !important; stroke-linejoin: bevel !important }";
+const PLAIN: &str = "* { background-color: none !important; clip-path: none !important; filter: none !important; \
+    marker: none !important; mask: none !important; stroke-dasharray: none !important; stroke-linejoin: bevel !important }";
 
 /// Path data of all outlines that a browser draws from an SVG document, in the order in which it does, and in words
 /// what is in the document beside `path` elements; no words if there is nothing else.
@@ -28,7 +28,11 @@ pub fn path_data_of(document: &str) -> Result<(String, String), String> {
     let options = Options { image_href_resolver, style_sheet: Some(PLAIN.to_owned()), ..Options::default() };
     let tree = Tree::from_xmltree(&document, &options).map_err(|error| error.to_string())?;
     let mut d = String::new();
-    append(tree.root(), Affine::IDENTITY, &mut d);
+    let beside = match append(tree.root(), Affine::IDENTITY, &mut d) {
+        true if beside.is_empty() => CLIPPED.to_owned(),
+        true => format!("{beside}, {CLIPPED}"),
+        false => beside,
+    };
     if d.pop().is_none() {
         let beside = if beside.is_empty() { "no shapes" } else { &beside };
         return Err(format!("nothing drawn ({beside})"));
@@ -36,19 +40,30 @@ pub fn path_data_of(document: &str) -> Result<(String, String), String> {
     Ok((d, beside))
 }
 
-/// Appends the visible paths of `group`, in the coordinates to which `to_page` leads from those around the group.
-fn append(group: &Group, to_page: Affine, d: &mut String) {
+/// Told where a viewport, which clips its content, is smaller than that.
+const CLIPPED: &str = "edge of a viewport left out";
+
+/// Appends the visible paths of `group`, in the coordinates to which `to_page` leads from those around the group. True
+/// where a browser clips some of them.
+fn append(group: &Group, to_page: Affine, d: &mut String) -> bool {
+    if group.opacity().get() == 0.0 {
+        return false;
+    }
+    let outline = group.bounding_box();
+    let mut is_clipped =
+        group.clip_path().is_some_and(|clip| clip.root().bounding_box().intersect(&outline) != Some(outline));
     let Transform { sx, kx, ky, sy, tx, ty } = group.transform();
     let to_page = to_page * Affine::new([sx, ky, kx, sy, tx, ty].map(f64::from));
     for child in group.children() {
         match child {
-            Node::Group(group) => append(group, to_page, d),
+            Node::Group(group) => is_clipped |= append(group, to_page, d),
             Node::Path(path) if path.is_visible() => {
                 path.data().segments().for_each(|segment| d.push_str(&written(segment, to_page)));
             }
             Node::Path(_) | Node::Image(_) | Node::Text(_) => {}
         }
     }
+    is_clipped
 }
 
 /// The segment as path data. Numbers of a path without transforms stay as they are, to seven digits.

@@ -21,6 +21,8 @@ pub struct AllowedHosts {
     listen: IpAddr,
     names: Vec<String>,
     page_port: Option<u16>,
+    /// The page's address without its last slash.
+    pub base_path: String,
 }
 
 impl AllowedHosts {
@@ -28,7 +30,7 @@ impl AllowedHosts {
     /// addresses, any address is accepted as well: rebinding needs a name.
     pub fn new(listen: SocketAddr, names: &[String]) -> Self {
         let names = names.iter().map(|name| name.trim_end_matches('.').to_ascii_lowercase()).collect();
-        Self { listen: listen.ip().to_canonical(), names, page_port: None }
+        Self { listen: listen.ip().to_canonical(), names, page_port: None, base_path: String::new() }
     }
 
     /// Admits the operator page that the daemon serves at `page`, too: on another port, it is of another origin.
@@ -96,7 +98,7 @@ impl AllowedHosts {
         let own = headers.get_all(&SEC_FETCH_SITE).iter().all(|value| value == "same-origin" || value == "none");
         let page = self.page_port.is_some() && headers.contains_key(ORIGIN);
         let link = request.method() == Method::GET
-            && request.uri().path().ends_with('/')
+            && (request.uri().path().ends_with('/') || request.uri().path() == self.base_path)
             && is(&SEC_FETCH_MODE, "navigate")
             && is(&SEC_FETCH_DEST, "document");
         if own || page || link {
