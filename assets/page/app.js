@@ -94,7 +94,7 @@ async function refreshJobs() {
 async function watchReadiness() {
   for (;;) {
     try {
-      await json('GET', '/readyz');
+      await json('GET', 'readyz');
       showReasons([]);
     } catch (error) {
       if (error instanceof Problem) showReasons(error.message.split('; '));

@@ -16,7 +16,7 @@ const PLAIN: &str = "* { background-color: none !important; clip-path: none !imp
 /// A message about the first fault of the document.
 pub fn path_data_of(document: &str) -> Result<(String, String), String> {
     if document.contains("<!ENTITY") {
-        return Err("entities of its own".to_owned());
+        return Err("entities of its own: save it as plain SVG".to_owned());
     }
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
     let text = document.replace("<pattern", &format!("<{PATTERN}")).replace("</pattern", &format!("</{PATTERN}"));
@@ -114,6 +114,44 @@ mod tests {
             "M0.1,0.2 L0.001,123.456 Q1.7,2.3 3.9,4.1"
         );
         assert_eq!(outlines(r#"<path d="M1 1 C2.5 3 4 5 6 7.25 Z"/>"#), "M1,1 C2.5,3 4,5 6,7.25 Z");
+    }
+
+    #[test]
+    fn backgrounds_are_no_outlines_and_clipped_edges_are_told() {
+        let page = |style: &str| {
+            let path = r#"<path d="M0 0 H5"/>"#;
+            path_data_of(&format!(
+                r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9" style="{style}">{path}</svg>"#
+            ))
+        };
+        assert_eq!(page("background-color:#fff"), page(""));
+        let within = |side: u8| {
+            drawn(&format!(r#"<svg width="{side}" height="{side}"><path d="M0 0 H5"/></svg>"#))
+                .map(|(_, beside)| beside)
+        };
+        assert_eq!([within(3), within(9)], [Ok(CLIPPED.to_owned()), Ok(String::new())]);
+        assert!(drawn(r#"<g opacity="0"><path d="M0 0 H5"/></g>"#).is_err());
+    }
+
+    #[test]
+    fn style_sheets_and_links_take_no_time_or_memory_without_bound() {
+        let styled = |sheet: &str| drawn(&format!("<style>{sheet}</style><path d='M0 0 H5'/>"));
+        assert!(styled("z g g g path{fill:none}").unwrap_err().contains("a selector of more than 3"));
+        for sheet in ["/* a b c d e { */ g > g > g > path{fill:none}", "@media screen and (width: 3px) {.a{fill:none}}"]
+        {
+            assert!(styled(sheet).is_ok(), "{sheet}");
+        }
+        for link in [r##"q:href="#none" xlink:href"##, r##"xlink:href="#none" href"##] {
+            let doubled = |k: u8| {
+                let copy = format!(r##"<use {link}="#g{}"/>"##, k.saturating_sub(1));
+                format!(r#"<g id="g{k}">{copy}{copy}</g>"#)
+            };
+            let groups: String = (1..30).map(doubled).collect();
+            let spaces = r#"xmlns:q="urn:q" xmlns:xlink="http://www.w3.org/1999/xlink""#;
+            let fault = drawn(&format!(r#"<g {spaces}><path id="g0" d="M0 0 H5"/>{groups}</g>"#)).unwrap_err();
+            assert!(fault.contains("too many with copies"), "{link}: {fault}");
+        }
+        assert!(drawn("<text><tref/></text><path d='M0 0 H5'/>").is_err());
     }
 
     #[test]

@@ -1,7 +1,10 @@
 //! Program and machine of a run: on others its last digits may be others.
 
 use std::fs;
+use std::hash::{DefaultHasher, Hasher};
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
+use std::sync::LazyLock;
 
 use serde_json::Value;
 
@@ -10,6 +13,19 @@ const TARGET: [&str; 2] = [
     if cfg!(target_arch = "x86_64") { "x86_64" } else { "another processor" },
     if cfg!(target_env = "gnu") { "glibc" } else { "another C library" },
 ];
+
+/// Bytes at the end of a program in which each build has its own: names of functions and sizes of sections.
+const END_BYTES: i64 = 1 << 18;
+
+/// Hash of the end of this program's file.
+static BUILD: LazyLock<u64> = LazyLock::new(|| {
+    let (mut end, mut hasher) = (Vec::new(), DefaultHasher::new());
+    let read = |mut file: fs::File| file.seek(SeekFrom::End(-END_BYTES)).and_then(|_| file.read_to_end(&mut end));
+    // without the file all builds are alike
+    fs::File::open("/proc/self/exe").and_then(read).ok();
+    hasher.write(&end);
+    hasher.finish()
+});
 
 /// This program and its machine.
 pub fn maker() -> String {
@@ -29,5 +45,6 @@ pub(super) fn machine() -> String {
     #[cfg(not(target_arch = "x86_64"))]
     let has_fma = false;
     let [processor, library] = TARGET;
-    format!("{processor}{}, {library}", if has_fma { " with avx2 and fma" } else { "" })
+    let extensions = if has_fma { " with avx2 and fma" } else { "" };
+    format!("{processor}{extensions}, {library}, build {:016x}", *BUILD)
 }

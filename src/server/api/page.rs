@@ -112,8 +112,11 @@ mod tests {
     fn files_of_the_page_name_only_files_of_the_page() {
         let of_a_script = |line: &'static str| line.split_once("from './")?.1.split_once('\'').map(|(name, _)| name);
         let of_a_page = |line: &'static str| line.split_once("\"assets/")?.1.split_once('"').map(|(name, _)| name);
+        // a base path, or a proxy, is before them
+        let absolute = ["'/readyz", "'/v1", "`/v1", "\"/assets", "\"/v1"];
         for file in FILES.files() {
             let (name, text) = (file.path().display(), file.contents_utf8().unwrap());
+            assert!(absolute.iter().all(|address| !text.contains(address)), "{name}");
             for named in text.lines().filter_map(|line| of_a_script(line).or_else(|| of_a_page(line))) {
                 assert!(content_of(named).is_some(), "{name} names {named}");
             }

@@ -280,7 +280,7 @@ pub struct SimulateArgs {
                   --camera positions. All their figures are predictions. Exit status 1 when most dry runs fail."
 )]
 pub struct CheckArgs {
-    /// Files to validate: jobs, rigs, daemons, experiments, COR libraries, traces
+    /// Files to validate: jobs, rigs, daemons, experiments, COR libraries, traces, coins
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<PathBuf>,
     /// Rig to check jobs on in place of their own, and that libraries must have been measured on
