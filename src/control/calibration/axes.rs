@@ -14,8 +14,6 @@ use upm_planning::cor_library::AxisShape;
 
 /// Number of passes that measure and correct the pre-compensation; the last one only confirms.
 const PASSES: usize = 3;
-/// Peak of `cos a - sin 2a`.
-const WAVE_PEAK: f64 = 1.7602;
 /// Amplitude, in counts, at which a waveform's peak is computed.
 const TRIAL_COUNTS: i32 = 10_000;
 /// Share of the count limit that the axis pulses use; the rest is room for the corrected waveform's higher peak.
@@ -38,14 +36,6 @@ pub struct Axes {
     pub accelerometer_gain: [f64; CHANNELS],
     /// The last pulse of each axis; the closing pulses are compared with it.
     pub(super) opening: [AxisPulse; 3],
-}
-
-impl Axes {
-    /// Plate speed amplitude of the strongest translation along x, m/s.
-    pub(super) fn top_speed_mps(&self, count_limit: f64) -> f64 {
-        let strongest = 2.0 * count_limit / WAVE_PEAK;
-        self.twist_from_counts.column(0).xy().norm() * strongest
-    }
 }
 
 /// Amplitudes X1, X2, Y1, Y2 that act on one axis alone (Eq. 7), and the axis amplitude they make.

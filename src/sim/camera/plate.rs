@@ -44,15 +44,9 @@ impl TileAtRest {
 /// from the resting plate's centre.
 fn max_sub_exposure_motion(&SubExposure { pose, spread, .. }: &SubExposure) -> [f64; 2] {
     // The sum of standard deviations is at least the root of the sum of their squares, which is the blur's.
-    let [shift_m, turn_rad] = spread_bound(&spread);
+    let [shift_m, turn_rad] = [(spread[(0, 0)] + spread[(1, 1)]).sqrt(), spread[(2, 2)].sqrt()];
     let turn_rad = pose.heading_rad.abs() + REACH * turn_rad;
     [pose.position_m.amax() + REACH * shift_m + turn_rad * pose.position_m.norm(), turn_rad]
-}
-
-/// Upper bounds of the motion's standard deviation in any direction: at the centre, m, and its slope by the distance
-/// from it.
-fn spread_bound(spread: &Matrix3<f64>) -> [f64; 2] {
-    [(spread[(0, 0)] + spread[(1, 1)]).sqrt(), spread[(2, 2)].sqrt()]
 }
 
 impl PlateOutline {
