@@ -99,10 +99,8 @@ fn check(
     }
     let plausible = |gain: f64| (CHANNEL_GAIN.0..=CHANNEL_GAIN.1).contains(&gain);
     if let Some((channel, gain)) = worst(found.gain, |gain| !plausible(gain), |gain| (gain - 1.0).abs()) {
-        return fault(
-            channel,
-            if gain < 0.0 { MiswiredChannel::Reversed { gain } } else { MiswiredChannel::Gain { gain } },
-        );
+        let miswired = if gain < 0.0 { MiswiredChannel::Reversed { gain } } else { MiswiredChannel::Gain { gain } };
+        return fault(channel, miswired);
     }
     let [first, second] = CoilGains::read(pulses, &session.sensors, session.model);
     second.check_working()?;
