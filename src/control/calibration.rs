@@ -29,8 +29,6 @@ mod resonance;
 mod session;
 mod steering;
 
-use steering::SteeringMotion;
-use upm_core::rig::RigModel;
 use upm_planning::cor_library::{Entry, FieldResponse, Library, PlateResponse};
 
 pub use axes::Axes;
@@ -38,9 +36,6 @@ pub use fault::{CalibrationFault, CoilFault, MiswiredChannel, RigComponent};
 pub use params::{CalibrationParams, CalibrationProgress};
 pub use resonance::AxisResonance;
 pub use session::CalibrationSession;
-
-/// A rig whose fastest motion exceeds the gentle speed by this factor also gets separate gentle motions.
-const STRONG: f64 = 2.0;
 
 impl CalibrationSession<'_> {
     /// Measures the response of the rig's axes with the accelerometers alone.
@@ -60,7 +55,7 @@ impl CalibrationSession<'_> {
     /// As [`Self::axes`]; [`CalibrationFault::Singular`] when the axes do not move the plate independently.
     pub fn steer(mut self, params: &CalibrationParams) -> Result<(Axes, Vec<Entry>), CalibrationFault> {
         let axes = axes::measure(&mut self, params)?;
-        let motions = wanted(&axes, self.model, params);
+        let motions = steering::wanted(&axes, self.model, params);
         let entries = steering::measure(&mut self, &axes, params, &motions)?;
         Ok((axes, entries))
     }
@@ -116,17 +111,9 @@ impl CalibrationSession<'_> {
             plate,
         };
         library.displacement = displacement::measure(session, &library, params)?;
-        library.entries = steering::measure(session, &axes, params, &wanted(&axes, model, params))?;
+        library.entries = steering::measure(session, &axes, params, &steering::wanted(&axes, model, params))?;
         library.fields = fields::measure(session)?;
         closing::check(session, &axes)?;
         Ok(library)
     }
-}
-
-/// The motions of a library for a rig with these axes.
-fn wanted(axes: &Axes, model: &RigModel, params: &CalibrationParams) -> Vec<SteeringMotion> {
-    let half_side_m = 0.5 * model.plate_side_m;
-    let too_strong = axes.top_speed_mps(model.count_limit) > STRONG * params.gentle_mps;
-    let gentle = if too_strong { steering::gentle_motions(half_side_m, params) } else { Vec::new() };
-    [steering::strong_motions(half_side_m, params), gentle].concat()
 }

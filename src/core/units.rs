@@ -22,11 +22,6 @@ pub fn mm_from_m(m: f64) -> f64 {
     m * 1e3
 }
 
-/// A number without the last digits, in which a conversion of units and the conversion back differ.
-fn without_rounding_error(number: f64) -> f64 {
-    (number * 1e9).round() / 1e9
-}
-
 /// A whole number as the default of one in a file: `#[serde(default = "whole::<f64, 5>")]`.
 pub fn whole<T: From<u16>, const NUMBER: u16>() -> T {
     NUMBER.into()
@@ -67,7 +62,7 @@ pub use file_form;
 /// The number for a file from which `quantity_of` gives exactly `quantity`: `value` without its rounding error where
 /// that will do, else with it, or the next number.
 fn written(quantity: f64, value: f64, quantity_of: fn(f64) -> f64) -> f64 {
-    let numbers = [without_rounding_error(value), value, value.next_up(), value.next_down()];
+    let numbers = [(value * 1e9).round() / 1e9, value, value.next_up(), value.next_down()];
     numbers.into_iter().find(|number| quantity_of(*number) == quantity).unwrap_or(value)
 }
 

@@ -92,7 +92,29 @@ impl CoverageRaster<'_> {
         } else if left.is_empty() {
             self.fill(square, behind, flat);
         } else {
-            self.levels[y * self.size[0] + x] = self.crossed_pixel(corners, middle, reach, &left, behind) as f32;
+            let back = self.paint(behind).level_at(middle);
+            let level = match left[..] {
+                [layer] if !self.layers[layer].shape.has_corner_near(middle, reach) => {
+                    let layer = &self.layers[layer];
+                    back + (layer.paint.level_at(middle) - back) * area_inside(layer, corners)
+                }
+                _ => {
+                    let front = |&layer: &usize| (layer, self.layers[layer].paint.level_at(middle));
+                    let fronts: Vec<(usize, f64)> = left.iter().rev().map(front).collect();
+                    let (n, m) = (f64::from(POINTS), f64::from(POINTS * POINTS));
+                    let level = |i: u32| {
+                        let (column, row) = (f64::from(i % POINTS), f64::from(i / POINTS));
+                        // Sheared along both axes: no two points share a column or a row, so that edges along the
+                        // pixels are resolved as finely as others.
+                        let (u, v) = (column / n + (row + 0.5) / m, row / n + (column + 0.5) / m);
+                        let p = within(corners, u, v);
+                        let covers = |front: &&(usize, f64)| self.layers[front.0].shape.depth(p) > 0.0;
+                        fronts.iter().find(covers).map_or(back, |front| front.1)
+                    };
+                    (0..POINTS * POINTS).map(level).sum::<f64>() / m
+                }
+            };
+            self.levels[y * self.size[0] + x] = level as f32;
         }
     }
 
@@ -126,37 +148,6 @@ impl CoverageRaster<'_> {
                 self.levels[row * width + column] = if flat { paint.level } else { mean_level(paint, at) } as f32;
             }
         }
-    }
-
-    fn crossed_pixel(
-        &self,
-        corners: [Vec2; 4],
-        middle: Vec2,
-        reach: f64,
-        crossing: &[usize],
-        behind: Option<usize>,
-    ) -> f64 {
-        let back = self.paint(behind).level_at(middle);
-        if let &[layer] = crossing
-            && !self.layers[layer].shape.has_corner_near(middle, reach)
-        {
-            let layer = &self.layers[layer];
-            return back + (layer.paint.level_at(middle) - back) * area_inside(layer, corners);
-        }
-        let fronts: Vec<(usize, f64)> =
-            crossing.iter().rev().map(|&layer| (layer, self.layers[layer].paint.level_at(middle))).collect();
-        let (n, m) = (f64::from(POINTS), f64::from(POINTS * POINTS));
-        let sum: f64 = (0..POINTS * POINTS)
-            .map(|i| {
-                let (column, row) = (f64::from(i % POINTS), f64::from(i / POINTS));
-                // Sheared along both axes: no two points share a column or a row, so that edges along the pixels are
-                // resolved as finely as others.
-                let (u, v) = (column / n + (row + 0.5) / m, row / n + (column + 0.5) / m);
-                let p = within(corners, u, v);
-                fronts.iter().find(|front| self.layers[front.0].shape.depth(p) > 0.0).map_or(back, |front| front.1)
-            })
-            .sum();
-        sum / m
     }
 }
 

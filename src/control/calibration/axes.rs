@@ -6,17 +6,14 @@ use super::axis_pulse::{AROUND, AxisPulse, NAMES};
 use super::coils::CoilGains;
 use super::fault::LEAST_LAG_DEG;
 use super::{CalibrationFault, CalibrationParams, CalibrationSession, MiswiredChannel};
-use upm_core::geometry::Vec2;
 use upm_core::phasor::argument;
 use upm_core::rig::RigModel;
 use upm_core::signal::{CHANNELS, Harmonic, MotorArrangement};
-use upm_perception::estimation::{AxisPhasors, Coefficients, check_channels, relative_gains};
+use upm_perception::estimation::{AxisPhasors, check_channels, relative_gains};
 use upm_planning::cor_library::AxisShape;
 
 /// Number of passes that measure and correct the pre-compensation; the last one only confirms.
 const PASSES: usize = 3;
-/// Peak of `cos a - sin 2a`.
-const WAVE_PEAK: f64 = 1.7602;
 /// Amplitude, in counts, at which a waveform's peak is computed.
 const TRIAL_COUNTS: i32 = 10_000;
 /// Share of the count limit that the axis pulses use; the rest is room for the corrected waveform's higher peak.
@@ -39,14 +36,6 @@ pub struct Axes {
     pub accelerometer_gain: [f64; CHANNELS],
     /// The last pulse of each axis; the closing pulses are compared with it.
     pub(super) opening: [AxisPulse; 3],
-}
-
-impl Axes {
-    /// Plate speed amplitude of the strongest translation along x, m/s.
-    pub(super) fn top_speed_mps(&self, count_limit: f64) -> f64 {
-        let strongest = 2.0 * count_limit / WAVE_PEAK;
-        self.twist_from_counts.column(0).xy().norm() * strongest
-    }
 }
 
 /// Amplitudes X1, X2, Y1, Y2 that act on one axis alone (Eq. 7), and the axis amplitude they make.
@@ -98,7 +87,21 @@ fn check(
     shapes: &[AxisShape; 3],
     responses: &[AxisPhasors; 3],
 ) -> Result<(), CalibrationFault> {
-    check_channels_alike(&pulses.each_ref().map(|pulse| pulse.shown), session.sensors.position_m)?;
+    // One pulse each of x, y and spin shows channels that are dead, reversed or off in gain, the worst first, and
+    // readings that fit no rigid plate.
+    let found = check_channels(&pulses.each_ref().map(|pulse| pulse.shown), session.sensors.position_m);
+    let fault = |channel, fault| Err(CalibrationFault::Channel { channel, fault });
+    if let Some((channel, share)) = worst(found.share, |share| share < DEAD_CHANNEL, |share| -share) {
+        return fault(channel, MiswiredChannel::Dead { share });
+    }
+    if found.misfit > CHANNEL_MISFIT {
+        return Err(CalibrationFault::NotRigid { misfit: found.misfit });
+    }
+    let plausible = |gain: f64| (CHANNEL_GAIN.0..=CHANNEL_GAIN.1).contains(&gain);
+    if let Some((channel, gain)) = worst(found.gain, |gain| !plausible(gain), |gain| (gain - 1.0).abs()) {
+        let miswired = if gain < 0.0 { MiswiredChannel::Reversed { gain } } else { MiswiredChannel::Gain { gain } };
+        return fault(channel, miswired);
+    }
     let [first, second] = CoilGains::read(pulses, &session.sensors, session.model);
     second.check_working()?;
     for axis in 0..3 {
@@ -109,27 +112,6 @@ fn check(
         }
     }
     second.check_gains(&first)
-}
-
-/// Refuses a channel that one pulse each of x, y and spin shows to be dead, reversed or off in gain, the worst first,
-/// and readings that fit no rigid plate.
-fn check_channels_alike(
-    shown: &[[Coefficients; CHANNELS]],
-    accelerometer_in_plate_m: Vec2,
-) -> Result<(), CalibrationFault> {
-    let found = check_channels(shown, accelerometer_in_plate_m);
-    let fault = |channel, fault| Err(CalibrationFault::Channel { channel, fault });
-    if let Some((channel, share)) = worst(found.share, |share| share < DEAD_CHANNEL, |share| -share) {
-        return fault(channel, MiswiredChannel::Dead { share });
-    }
-    if found.misfit > CHANNEL_MISFIT {
-        return Err(CalibrationFault::NotRigid { misfit: found.misfit });
-    }
-    let plausible = |gain: f64| (CHANNEL_GAIN.0..=CHANNEL_GAIN.1).contains(&gain);
-    let Some((channel, gain)) = worst(found.gain, |gain| !plausible(gain), |gain| (gain - 1.0).abs()) else {
-        return Ok(());
-    };
-    fault(channel, if gain < 0.0 { MiswiredChannel::Reversed { gain } } else { MiswiredChannel::Gain { gain } })
 }
 
 /// Index and value of the `bad` channel for which `how` is largest.

@@ -60,7 +60,33 @@ pub(super) fn measure(
     let guards = Guards { without: Some(Finding::PartsJumped), ..Guards::default() };
     let opened = Perception::open(&mut session.io(&mut SilentSink), &params.kinds, &params.coins, guards);
     let mut perception = into_result(opened)?;
-    let (sustain_s, opening) = choose_sustains(session, &mut perception, library, params)?;
+    // Lengthens the pulse until a coin moves as far as the model must cover. Sustains are spaced evenly up to there.
+    let longest_s = session.model.max_sustain_s;
+    let speed = |entry: &Entry| entry.pump.velocity_mps.norm();
+    let by_speed = |a: &(usize, &Entry), b: &(usize, &Entry)| speed(a.1).total_cmp(&speed(b.1));
+    let entry = library.entries.iter().enumerate().max_by(by_speed).map_or(0, |(entry, _)| entry);
+    let mut farthest = 0.0f64;
+    let mut top_s = longest_s;
+    let mut opening = Vec::new();
+    for step in 1..=12 {
+        let sustain_s = longest_s * f64::from(step) / 12.0;
+        opening.clear();
+        for reversed in [false, true] {
+            opening.extend(pulse(session, &mut perception, library, params, (entry, reversed), (0, sustain_s))?);
+        }
+        farthest = opening.iter().map(|sample| sample.distance_m).fold(farthest, f64::max);
+        if farthest >= params.longest_m {
+            top_s = sustain_s;
+            break;
+        }
+    }
+    if farthest < STILL_M {
+        let peak_mps2 = session.peak_mps2();
+        return Err(CalibrationFault::TooWeak { moved_mm: farthest * 1e3, needed_mm: STILL_M * 1e3, peak_mps2 });
+    }
+    let periods = top_s * session.model.base_radps / TAU;
+    let last = (periods * SUSTAINS_A_PERIOD).ceil().min(params.sustains as f64 - 1.0).max(1.0);
+    let sustain_s: Vec<f64> = (0..=last as usize).map(|k| top_s * k as f64 / last).collect();
     let motions = library.entries.len();
     let mut samples = Vec::new();
     for (k, &sustain) in sustain_s.iter().enumerate() {
@@ -110,42 +136,6 @@ pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<SteeringMotion> 
         directions.iter().map(move |&direction| SteeringMotion { direction, top_mps: step * gentle_mps })
     });
     strong.chain(gentle).collect()
-}
-
-/// Lengthens the pulse until a coin moves as far as the model must cover. Returns sustains spaced evenly up to there,
-/// and the steps in the longest of those pulses.
-fn choose_sustains(
-    session: &mut CalibrationSession<'_>,
-    perception: &mut Perception,
-    library: &Library,
-    params: &CalibrationParams,
-) -> Result<(Vec<f64>, Vec<DisplacementSample>), CalibrationFault> {
-    let longest_s = session.model.max_sustain_s;
-    let speed = |entry: &Entry| entry.pump.velocity_mps.norm();
-    let by_speed = |a: &(usize, &Entry), b: &(usize, &Entry)| speed(a.1).total_cmp(&speed(b.1));
-    let entry = library.entries.iter().enumerate().max_by(by_speed).map_or(0, |(entry, _)| entry);
-    let mut farthest = 0.0f64;
-    let mut top_s = longest_s;
-    let mut steps = Vec::new();
-    for step in 1..=12 {
-        let sustain_s = longest_s * f64::from(step) / 12.0;
-        steps.clear();
-        for reversed in [false, true] {
-            steps.extend(pulse(session, perception, library, params, (entry, reversed), (0, sustain_s))?);
-        }
-        farthest = steps.iter().map(|sample| sample.distance_m).fold(farthest, f64::max);
-        if farthest >= params.longest_m {
-            top_s = sustain_s;
-            break;
-        }
-    }
-    if farthest < STILL_M {
-        let peak_mps2 = session.peak_mps2();
-        return Err(CalibrationFault::TooWeak { moved_mm: farthest * 1e3, needed_mm: STILL_M * 1e3, peak_mps2 });
-    }
-    let periods = top_s * session.model.base_radps / TAU;
-    let last = (periods * SUSTAINS_A_PERIOD).ceil().min(params.sustains as f64 - 1.0).max(1.0);
-    Ok(((0..=last as usize).map(|k| top_s * k as f64 / last).collect(), steps))
 }
 
 /// Plays one pulse and measures every coin. Plays nothing, and has no samples, where a coin could go over the edge.

@@ -9,7 +9,7 @@ use super::axis_pulse::AROUND;
 use super::{CalibrationFault, CalibrationSession};
 use upm_core::phasor::polar;
 use upm_core::rig::RigModel;
-use upm_core::signal::{Drive, Envelope, MotorArrangement};
+use upm_core::signal::{Drive, Envelope};
 use upm_perception::estimation::{FitFault, OscillatorFit, axis_lines, fit_oscillator};
 use upm_planning::cor_library::motor_harmonics;
 
@@ -83,7 +83,10 @@ fn average(
             accel.iter_mut().zip(&lines[axis]).for_each(|(sum, line)| *sum += line * share);
         }
     }
-    let force = axis_force(session.model.motor_arrangement, drive, axis);
+    // phasors of the axis amplitude that the drive plays, counts (Eq. 7)
+    let signs = session.model.motor_arrangement.turned(AROUND[axis].map(f64::from));
+    let phasor = |k: usize| signs.iter().zip(&drive.motors).map(|(sign, motor)| motor[k].phasor() * *sign).sum();
+    let force: Vec<Complex<f64>> = (0..drive.motors[0].len()).map(phasor).collect();
     let fit = fit_oscillator(drive.base_radps, &force, &accel).map_err(fault)?;
     let responses = force.iter().zip(&accel).map(|(force, accel)| accel / force);
     let lines = (1..).zip(responses).map(|(k, response)| (f64::from(k) * drive.base_radps, response)).collect();
@@ -134,11 +137,4 @@ fn free_accel_mps2(axis: usize, model: &RigModel) -> f64 {
         return force_n / model.plate_mass_kg;
     }
     model.accelerometer_in_plate_m.norm() * model.lever_arm_m * force_n / model.plate_inertia_kgm2
-}
-
-/// Phasors of the axis amplitude that `drive` plays, counts (Eq. 7).
-fn axis_force(arrangement: MotorArrangement, drive: &Drive, axis: usize) -> Vec<Complex<f64>> {
-    let signs = arrangement.turned(AROUND[axis].map(f64::from));
-    let phasor = |k: usize| signs.iter().zip(&drive.motors).map(|(sign, motor)| motor[k].phasor() * *sign).sum();
-    (0..drive.motors[0].len()).map(phasor).collect()
 }

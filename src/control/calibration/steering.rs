@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::axes::Axes;
 use super::{CalibrationFault, CalibrationParams, CalibrationSession};
 use upm_core::geometry::{Twist, Vec2};
+use upm_core::rig::RigModel;
 use upm_core::signal::MotorArrangement;
 use upm_planning::cor_library::Entry;
 
@@ -17,6 +18,10 @@ pub(super) struct SteeringMotion {
     pub top_mps: f64,
 }
 
+/// Peak of `cos a - sin 2a`.
+const WAVE_PEAK: f64 = 1.7602;
+/// A rig whose fastest motion exceeds the gentle speed by this factor also gets separate gentle motions.
+const STRONG: f64 = 2.0;
 /// Size of the amplitudes at which a drive's peak is computed; large, so that rounding is negligible.
 const TRIAL_COUNTS: f64 = 1e4;
 
@@ -87,8 +92,11 @@ fn miss(found: &Twist, wanted: &Twist, reach_m: f64) -> Vector3<f64> {
     (found * scale - wanted).component_div(&weight)
 }
 
-/// The strong motions: a grid of centres, rings of centres outside the plate, and translations.
-pub(super) fn strong_motions(half_side_m: f64, params: &CalibrationParams) -> Vec<SteeringMotion> {
+/// The motions of a library for a rig with these axes: a grid of centres, rings of centres outside the plate, and
+/// translations, as strong as the motors allow. A strong rig has gentle ones as well, on a coarser grid of centres, for
+/// steps shorter than a strong pulse can make.
+pub(super) fn wanted(axes: &Axes, model: &RigModel, params: &CalibrationParams) -> Vec<SteeringMotion> {
+    let half_side_m = 0.5 * model.plate_side_m;
     let rings = params.rings.iter().enumerate().flat_map(|(k, radius)| {
         (0..params.ring_centers).map(move |i| {
             let angle = TAU * (i as f64 + 0.5 * (k % 2) as f64) / params.ring_centers as f64;
@@ -96,16 +104,15 @@ pub(super) fn strong_motions(half_side_m: f64, params: &CalibrationParams) -> Ve
             Twist::about(center, 1.0 / (radius * half_side_m))
         })
     });
-    let directions = grid(params.grid, params.grid_reach * half_side_m).chain(rings);
-    let directions = directions.chain(translations(params.translations));
-    directions.map(|direction| SteeringMotion { direction, top_mps: f64::INFINITY }).collect()
-}
-
-/// The gentle motions: a coarser grid of centres and translations, for steps shorter than a strong pulse can make.
-pub(super) fn gentle_motions(half_side_m: f64, params: &CalibrationParams) -> Vec<SteeringMotion> {
-    let directions = grid(params.gentle_grid, params.grid_reach * half_side_m);
-    let directions = directions.chain(translations(params.gentle_translations));
-    directions.map(|direction| SteeringMotion { direction, top_mps: params.gentle_mps }).collect()
+    let strong = grid(params.grid, params.grid_reach * half_side_m).chain(rings);
+    let strong = strong.chain(translations(params.translations));
+    let strong = strong.map(|direction| SteeringMotion { direction, top_mps: f64::INFINITY });
+    let gentle = grid(params.gentle_grid, params.grid_reach * half_side_m);
+    let gentle = gentle.chain(translations(params.gentle_translations));
+    let gentle = gentle.map(|direction| SteeringMotion { direction, top_mps: params.gentle_mps });
+    // the strongest translation along x
+    let top_mps = axes.twist_from_counts.column(0).xy().norm() * (2.0 * model.count_limit / WAVE_PEAK);
+    strong.chain(gentle.filter(|_| top_mps > STRONG * params.gentle_mps)).collect()
 }
 
 fn grid(n: usize, reach_m: f64) -> impl Iterator<Item = Twist> {

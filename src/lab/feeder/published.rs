@@ -47,8 +47,25 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
     let mut outcome = ExperimentResult::default();
     let mut chart = chart("feeder-duty");
     for (i, (&accel_mps2, &saturates)) in ACCELS_MPS2.iter().zip(&SATURATIONS).enumerate() {
-        let rates = rate_against_duty(accel_mps2, saturates, &mut outcome)?;
+        // Feed rates over all duties at one acceleration, simulated and by the closed form.
         let (plate, sliding) = (Feeder::published().plate, Feeder::published().sliding());
+        let largest_mps = accel_mps2 * plate.period_s / 16.0;
+        let (mut rates, mut before, mut beyond) = (Vec::new(), 0.0f64, 0.0f64);
+        for duty in (0..=DUTIES).map(|i| 0.5 + 0.5 * f64::from(i) / f64::from(DUTIES)) {
+            let plate = PlateCycle { accel_mps2, duty, ..plate };
+            let rate_mps = sliding.settled(&plate)?.way_m / plate.period_s;
+            let off = (rate_mps - sliding.rate_mps(&plate).unwrap_or(f64::NAN)).abs() / largest_mps;
+            let worst = if duty <= sliding.saturation(accel_mps2) { &mut before } else { &mut beyond };
+            *worst = worst.max(off);
+            rates.push([duty, rate_mps / CM]);
+        }
+        let at = format!("at {:.0} cm/s²", accel_mps2 / CM);
+        let found = [
+            figure("rate off the closed form before saturation, largest, {}", before),
+            figure("rate off the closed form beyond saturation, largest, {}", beyond),
+            figure("duty at which the part saturates, {}", sliding.saturation(accel_mps2)).with(Some(saturates)),
+        ];
+        outcome.figures.extend(found.map(|figure| figure.of(&at)));
         let rate = |duty: f64| Some([duty, sliding.rate_mps(&PlateCycle { accel_mps2, duty, ..plate })? / CM]);
         let exact = (0..=250).map(|i| 0.5 + 0.002 * f64::from(i)).filter_map(rate);
         let label = format!("{:.0} cm/s²: closed form", accel_mps2 / CM);
@@ -60,34 +77,6 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
     drives(rig, &mut outcome);
     outcome.charts.push(chart);
     Ok(outcome)
-}
-
-/// Feed rates over all duties at one acceleration, simulated and by the closed form; returns duties and simulated
-/// rates, cm/s.
-fn rate_against_duty(
-    accel_mps2: f64,
-    saturates: f64,
-    outcome: &mut ExperimentResult,
-) -> Result<Vec<[f64; 2]>, LabFault> {
-    let (plate, sliding) = (Feeder::published().plate, Feeder::published().sliding());
-    let largest_mps = accel_mps2 * plate.period_s / 16.0;
-    let (mut rates, mut before, mut beyond) = (Vec::new(), 0.0f64, 0.0f64);
-    for duty in (0..=DUTIES).map(|i| 0.5 + 0.5 * f64::from(i) / f64::from(DUTIES)) {
-        let plate = PlateCycle { accel_mps2, duty, ..plate };
-        let rate_mps = sliding.settled(&plate)?.way_m / plate.period_s;
-        let off = (rate_mps - sliding.rate_mps(&plate).unwrap_or(f64::NAN)).abs() / largest_mps;
-        let worst = if duty <= sliding.saturation(accel_mps2) { &mut before } else { &mut beyond };
-        *worst = worst.max(off);
-        rates.push([duty, rate_mps / CM]);
-    }
-    let at = format!("at {:.0} cm/s²", accel_mps2 / CM);
-    let found = [
-        figure("rate off the closed form before saturation, largest, {}", before),
-        figure("rate off the closed form beyond saturation, largest, {}", beyond),
-        figure("duty at which the part saturates, {}", sliding.saturation(accel_mps2)).with(Some(saturates)),
-    ];
-    outcome.figures.extend(found.map(|figure| figure.of(&at)));
-    Ok(rates)
 }
 
 /// Individual figures of section III-B and III-C.1.

@@ -75,7 +75,8 @@ impl Trajectories {
         let TrajectoriesParams { scene, paths, in_phase, .. } = &self.params;
         let follower = |(i, part_m): (usize, &Vec2)| {
             let path = paths.get(i).filter(|path| !path.waypoints_m.is_empty()).cloned();
-            let stays = || PathParams { waypoints_m: vec![finite_or_origin(*part_m)], repeat: 1, speed_mps: 0.0 };
+            let finite_m = if part_m.iter().all(|x| x.is_finite()) { *part_m } else { Vec2::zeros() };
+            let stays = || PathParams { waypoints_m: vec![finite_m], repeat: 1, speed_mps: 0.0 };
             CurveFollower::new(path.unwrap_or_else(stays), *in_phase)
         };
         self.followers = parts_in_table_m.iter().enumerate().map(follower).collect();
@@ -312,10 +313,6 @@ impl CurveFollower {
         let is_over = self.finished(part_m, arrive_m);
         Some(PathStretch { line, from_m, reference_m, speed_mps, lap_m: self.lap_m(), corridor_m, is_over })
     }
-}
-
-fn finite_or_origin(p: Vec2) -> Vec2 {
-    if p.iter().all(|x| x.is_finite()) { p } else { Vec2::zeros() }
 }
 
 #[cfg(test)]

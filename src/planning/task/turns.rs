@@ -68,11 +68,6 @@ impl RigidRotation {
         Self { center_m, shift_m: end_m - center_m, angle_rad }
     }
 
-    /// The motion with the same end in the opposite direction of rotation.
-    fn other_way_round(self) -> Self {
-        Self { angle_rad: self.angle_rad - std::f64::consts::TAU.copysign(self.angle_rad), ..self }
-    }
-
     /// Image of `p` after a fraction `share` of the motion.
     pub(super) fn carry(&self, p: Vec2, share: f64) -> Vec2 {
         let (sin, cos) = libm::sincos(self.angle_rad * share);
@@ -103,7 +98,9 @@ impl RigidMotionProblem<'_> {
         let nearest = RigidRotation::between(self.starts_m, &self.problem.targets_m);
         let mut frames = vec![nearest, still];
         if nearest.angle_rad.abs() > EITHER_WAY_RAD {
-            frames.push(nearest.other_way_round());
+            // the same end in the opposite direction of rotation
+            let angle_rad = nearest.angle_rad - std::f64::consts::TAU.copysign(nearest.angle_rad);
+            frames.push(RigidRotation { angle_rad, ..nearest });
         }
         let straight = frames.iter().map(|frame| (self.straight_in(frame), false));
         let mut ways: Vec<(JointPath, bool)> = straight.collect();

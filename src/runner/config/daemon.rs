@@ -1,7 +1,7 @@
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 
-use super::daemon_file::{BetweenJobs, DaemonFile, KeepSpec, PlateEntry, StandingEntry, StandingStart, WatchdogSpec};
+use super::daemon_file::{BetweenJobs, DaemonFile, KeepSpec, PlateEntry, StandingStart, WatchdogSpec};
 use super::job::JobSpec;
 use super::read::{NAMES, Origin, is_plain_name};
 use super::rig::RigSpec;
@@ -169,7 +169,26 @@ fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) 
             }
         };
         let standing = match &plate.standing_job {
-            Some(job) => Some(standing_of(job, plate, &rig, origin, &at.key("standing_job"), faults)?),
+            // It uses the plate's rig and names neither a library nor another plate. Faults carry its file's name.
+            Some(entry) => {
+                let at = at.key("standing_job").key("job");
+                let path = origin.named_file(&entry.job, &at, faults)?;
+                let job =
+                    text_of(&path).and_then(|text| JobSpec::from_json(&text, &Origin::of_file(&path), Some(&rig)));
+                let named_by = format!("{}: {at}", origin.file);
+                let job = job.map_err(|others| faults.append_named(others, &named_by)).ok()?;
+                let mut of_job = Diagnostics::of(&job.file);
+                let (root, name) = (Path::root(), &plate.name);
+                let allowed = format!("the rig of plate {name}, or nothing");
+                of_job.require(rig.is_as_in(&job.rig.document), root.key("rig"), "another rig", allowed);
+                let asked = job.plate.as_deref().unwrap_or(name);
+                let allowed = format!("{name} or nothing (it is the standing job of that plate)");
+                of_job.require(asked == name, root.key("plate"), quoted(asked), allowed);
+                let allowed = format!("nothing (plate {name} has its library)");
+                of_job.require(!job.names_library(), root.key("library"), "a library", allowed);
+                faults.append_named(of_job.into_list(), &named_by);
+                Some(StandingSpec { job, starts_paused: entry.start == StandingStart::Paused })
+            }
             None => None,
         };
         let waits_after_jobs = plate.between_jobs == BetweenJobs::Wait;
@@ -177,33 +196,6 @@ fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) 
     };
     let plates: Vec<Option<PlateSpec>> = entries.iter().enumerate().map(plate_of).collect();
     plates.into_iter().collect()
-}
-
-/// The standing job of `plate`, read from the file that the daemon file names; faults carry that file's name. It uses
-/// the plate's rig and names neither a library nor another plate.
-fn standing_of(
-    entry: &StandingEntry,
-    plate: &PlateEntry,
-    rig: &RigSpec,
-    origin: &Origin,
-    at: &Path,
-    faults: &mut Diagnostics,
-) -> Option<StandingSpec> {
-    let path = origin.named_file(&entry.job, &at.key("job"), faults)?;
-    let job = text_of(&path).and_then(|text| JobSpec::from_json(&text, &Origin::of_file(&path), Some(rig)));
-    let named_by = format!("{}: {}", origin.file, at.key("job"));
-    let job = job.map_err(|others| faults.append_named(others, &named_by)).ok()?;
-    let mut of_job = Diagnostics::of(&job.file);
-    let (root, name) = (Path::root(), &plate.name);
-    let allowed = format!("the rig of plate {name}, or nothing");
-    of_job.require(rig.is_as_in(&job.rig.document), root.key("rig"), "another rig", allowed);
-    let asked = job.plate.as_deref().unwrap_or(name);
-    let allowed = format!("{name} or nothing (it is the standing job of that plate)");
-    of_job.require(asked == name, root.key("plate"), quoted(asked), allowed);
-    let allowed = format!("nothing (plate {name} has its library)");
-    of_job.require(!job.names_library(), root.key("library"), "a library", allowed);
-    faults.append_named(of_job.into_list(), &named_by);
-    Some(StandingSpec { job, starts_paused: entry.start == StandingStart::Paused })
 }
 
 fn default_plate_of(file: &DaemonFile, faults: &mut Diagnostics) -> Option<String> {

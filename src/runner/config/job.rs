@@ -84,7 +84,21 @@ impl JobSpec {
         // path data replaces a drawing's file, so that a run folder needs no other file
         let warnings = drawings::write_out(&mut document.task, origin, faults);
         let library = library_of(&document, origin, faults);
-        let rig = rig_of(document.rig.take(), origin, plate_rig, document.plate.as_deref(), faults)?;
+        let at = root.key("rig");
+        let rig = match (document.rig.take(), plate_rig) {
+            (Some(RigSource::Inline(document_rig)), Some(rig)) => {
+                // the library of the rig is not compared, since the plate chooses it
+                let plate = document.plate.as_ref().map_or("the plate".to_owned(), |name| format!("plate {name}"));
+                let allowed = format!("the rig of {plate}, or nothing");
+                faults.require(rig.is_as_in(&document_rig), at, "another rig", allowed).then(|| rig.clone())?
+            }
+            (Some(source), _) => RigSpec::from_source(source, origin, &at, faults)?,
+            (None, Some(rig)) => rig.clone(),
+            (None, None) => {
+                faults.push_missing(&at, "a path or a rig object");
+                return None;
+            }
+        };
         let parts = groups_of(&document, &rig, faults);
         if !clearance::check_total(&parts, faults) {
             return None;
@@ -238,30 +252,6 @@ fn library_of(document: &JobFile, origin: &Origin, faults: &mut Diagnostics) -> 
             origin.named_file(&named, &Path::root().key("library"), faults).map(LibraryRef::File)
         }
         inline => Some(inline.clone()),
-    }
-}
-
-fn rig_of(
-    source: Option<RigSource>,
-    origin: &Origin,
-    plate_rig: Option<&RigSpec>,
-    plate: Option<&str>,
-    faults: &mut Diagnostics,
-) -> Option<RigSpec> {
-    let at = Path::root().key("rig");
-    match (source, plate_rig) {
-        (Some(RigSource::Inline(document)), Some(rig)) => {
-            // the library of the rig is not compared, since the plate chooses it
-            let plate = plate.map_or("the plate".to_owned(), |name| format!("plate {name}"));
-            let allowed = format!("the rig of {plate}, or nothing");
-            faults.require(rig.is_as_in(&document), at, "another rig", allowed).then(|| rig.clone())
-        }
-        (Some(source), _) => RigSpec::from_source(source, origin, &at, faults),
-        (None, Some(rig)) => Some(rig.clone()),
-        (None, None) => {
-            faults.push_missing(&at, "a path or a rig object");
-            None
-        }
     }
 }
 

@@ -50,19 +50,15 @@ fn unplaced(job: &JobSpec, streams: Streams) -> Vec<(PlacedPart, Option<Vec2>)> 
     let groups = job.parts.iter().flat_map(|group| std::iter::repeat_n(group, group.count));
     let part = |(i, (group, id)): (u64, (&PartGroup, String))| {
         let spec = job.rig.kinds.get(group.kind)?;
-        let rng = &mut streams.numbered("part friction", i);
-        let friction = drawn_friction(spec.friction, job.rig.document.friction.spread, rng);
+        // normal about the kind's, truncated at three standard deviations
+        let normal: f64 = StandardNormal.sample(&mut streams.numbered("part friction", i));
+        let share = 1.0 + job.rig.document.friction.spread * normal.clamp(-3.0, 3.0);
+        let friction = (spec.friction * share).clamp(FRICTION_RANGE.0, FRICTION_RANGE.1);
         let params = PartParams { friction, ..spec.part() };
         let position_m = group.position_m.unwrap_or_default();
         Some((PlacedPart { kind: group.kind, id, position_m, params }, group.position_m))
     };
     (0..).zip(groups.zip(part_ids(&job.parts, &job.rig.kinds))).filter_map(part).collect()
-}
-
-/// Normal about `coefficient`, truncated at three standard deviations.
-fn drawn_friction(coefficient: f64, spread: f64, rng: &mut Rng) -> f64 {
-    let normal: f64 = StandardNormal.sample(rng);
-    (coefficient * (1.0 + spread * normal.clamp(-3.0, 3.0))).clamp(FRICTION_RANGE.0, FRICTION_RANGE.1)
 }
 
 /// One attempt: random positions one after another; `None` if a part finds no place.

@@ -17,7 +17,9 @@ pub(super) fn check(rig: &RigFile, sim: &SimParams, at: &Path, faults: &mut Diag
     faults.require(is_name(&rig.name), at.key("name"), format!("{:?}", rig.name), NAMES);
     check_plate(rig, at, faults);
     check_motors(rig, at, faults);
-    check_drive(rig, at, faults);
+    let (found, least) = (rig.drive.max_sustain_s, 3.0 / rig.drive.base_hz);
+    let allowed = format!("{least:.4} or more (three periods of the drive, for the accelerometers to be read)");
+    faults.require(found >= least, at.key("drive").key("max_sustain_s"), found, allowed);
     check_fields(rig, at, faults);
     check_accelerometers(rig, at, faults);
     check_camera(rig, sim, at, faults);
@@ -77,12 +79,6 @@ fn check_force(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
     faults.require(is_strong, at.key("newtons_per_count"), motors.newtons_per_count, allowed);
     let allowed = format!("{} or more ({why})", rounded_up(least_n));
     faults.require(motors.force_limit_n >= least_n, at.key("force_limit_n"), motors.force_limit_n, allowed);
-}
-
-fn check_drive(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
-    let (found, least) = (rig.drive.max_sustain_s, 3.0 / rig.drive.base_hz);
-    let allowed = format!("{least:.4} or more (three periods of the drive, for the accelerometers to be read)");
-    faults.require(found >= least, at.key("drive").key("max_sustain_s"), found, allowed);
 }
 
 /// Checks that synthesised motions drive the plate above resonance, pass the low-pass, and are sampled densely enough.

@@ -11,6 +11,9 @@ use super::{AuditEntry, JobEnd, JobState, RecordingStatus, RecoveryReport, Store
 use crate::states::PauseCause;
 use upm_core::job::{Outcome, StopCause};
 
+/// Files of a run, the latest first.
+const FILES: [&str; 3] = ["report.json", "journal.jsonl", "effective.json"];
+
 impl Store {
     /// Recovers the state that the last daemon left: ends of its running jobs, paused plates. Idempotent: safe to
     /// repeat after a crash at any point.
@@ -21,7 +24,9 @@ impl Store {
             let mut found = RecoveryReport { clean: left.is_empty() && ended_in_order(tx)?, ..Default::default() };
             for job in left {
                 let folder = job.folder.as_ref().map(|name| self.runs.join(name));
-                let at = folder.as_deref().and_then(last_write).unwrap_or_else(|| write.at());
+                // the last write to its latest file
+                let written = |folder: &Path| FILES.iter().find_map(|name| modified(&folder.join(name)));
+                let at = folder.as_deref().and_then(written).unwrap_or_else(|| write.at());
                 let ended = self.end(write, job, end_of(folder.as_deref()), at)?;
                 let list = if ended.state == JobState::Interrupted { &mut found.interrupted } else { &mut found.ended };
                 list.push(ended.id);
@@ -72,9 +77,4 @@ fn end_of(folder: Option<&Path>) -> JobEnd {
     let state = JobState::of_end(outcome, text("/stop/code").and_then(StopCause::of_code));
     let end = JobEnd::of(state, text("/reason").unwrap_or_default());
     JobEnd { recording, report: report.as_ref().and_then(Value::as_object).cloned(), ..end }
-}
-
-/// Time of the last write to the latest file of a run: its report, otherwise its journal, otherwise `effective.json`.
-fn last_write(folder: &Path) -> Option<String> {
-    ["report.json", "journal.jsonl", "effective.json"].iter().find_map(|name| modified(&folder.join(name)))
 }

@@ -1,4 +1,4 @@
-use nalgebra::{Matrix2, Matrix3, Rotation2, Vector3};
+use nalgebra::{Matrix3, Rotation2, Vector3};
 
 use super::coverage::PixelCoverage;
 use super::edge::{Blur, REACH};
@@ -44,15 +44,9 @@ impl TileAtRest {
 /// from the resting plate's centre.
 fn max_sub_exposure_motion(&SubExposure { pose, spread, .. }: &SubExposure) -> [f64; 2] {
     // The sum of standard deviations is at least the root of the sum of their squares, which is the blur's.
-    let [shift_m, turn_rad] = spread_bound(&spread);
+    let [shift_m, turn_rad] = [(spread[(0, 0)] + spread[(1, 1)]).sqrt(), spread[(2, 2)].sqrt()];
     let turn_rad = pose.heading_rad.abs() + REACH * turn_rad;
     [pose.position_m.amax() + REACH * shift_m + turn_rad * pose.position_m.norm(), turn_rad]
-}
-
-/// Upper bounds of the motion's standard deviation in any direction: at the centre, m, and its slope by the distance
-/// from it.
-fn spread_bound(spread: &Matrix3<f64>) -> [f64; 2] {
-    [(spread[(0, 0)] + spread[(1, 1)]).sqrt(), spread[(2, 2)].sqrt()]
 }
 
 impl PlateOutline {
@@ -122,45 +116,36 @@ impl PlateOutline {
         let (blur_m2, pixels) = (blur.covariance_m2(tile), tile.pixels(view));
         // Added up in f64, so that a tile inside for the whole exposure is covered by 1 exactly.
         let mut whole = 0.0;
-        for square in &self.shown {
-            match self.near_sides(square, tile.center_m, pixels.radius_m, &blur_m2) {
-                None => {}
-                Some(sides) if sides.is_empty() => whole += square.weight,
-                Some(sides) => cover_between(&sides, square.weight as f32, pixels, blur, coverage),
+        'squares: for square in &self.shown {
+            let from_center = tile.center_m - square.pose.position_m;
+            let right = Rotation2::new(square.pose.heading_rad) * Vec2::x();
+            // those that cross the tile
+            let mut sides = Vec::new();
+            for normal in [right, perp(right)] {
+                let along_m = normal.dot(&from_center);
+                let motion = Vector3::new(normal.x, normal.y, normal.dot(&perp(from_center)));
+                let variance = normal.dot(&(blur_m2 * normal)) + motion.dot(&(square.spread * motion));
+                let sd_m = variance.sqrt();
+                let clear_m = pixels.radius_m + REACH * sd_m;
+                let insides_m = [(normal, self.half_side_m - along_m), (-normal, self.half_side_m + along_m)];
+                for (outwards, inside_m) in insides_m {
+                    if inside_m < -clear_m {
+                        continue 'squares;
+                    }
+                    if inside_m < clear_m {
+                        let offset_m = self.half_side_m + outwards.dot(&square.pose.position_m);
+                        sides.push(PlateEdge::new(&Vector3::new(offset_m, -outwards.x, -outwards.y), sd_m));
+                    }
+                }
+            }
+            if sides.is_empty() {
+                whole += square.weight;
+            } else {
+                cover_between(&sides, square.weight as f32, pixels, blur, coverage);
             }
         }
         if whole > 0.0 {
             coverage.add_everywhere(whole as f32);
         }
-    }
-
-    /// Sides of a square that cross a tile; none where the tile is inside all of them, `None` where it is outside one.
-    fn near_sides(
-        &self,
-        square: &SubExposure,
-        center_m: Vec2,
-        radius_m: f64,
-        blur_m2: &Matrix2<f64>,
-    ) -> Option<Vec<PlateEdge>> {
-        let from_center = center_m - square.pose.position_m;
-        let right = Rotation2::new(square.pose.heading_rad) * Vec2::x();
-        let mut sides = Vec::new();
-        for normal in [right, perp(right)] {
-            let along_m = normal.dot(&from_center);
-            let motion = Vector3::new(normal.x, normal.y, normal.dot(&perp(from_center)));
-            let variance = normal.dot(&(blur_m2 * normal)) + motion.dot(&(square.spread * motion));
-            let sd_m = variance.sqrt();
-            let clear_m = radius_m + REACH * sd_m;
-            for (outwards, inside_m) in [(normal, self.half_side_m - along_m), (-normal, self.half_side_m + along_m)] {
-                if inside_m < -clear_m {
-                    return None;
-                }
-                if inside_m < clear_m {
-                    let offset_m = self.half_side_m + outwards.dot(&square.pose.position_m);
-                    sides.push(PlateEdge::new(&Vector3::new(offset_m, -outwards.x, -outwards.y), sd_m));
-                }
-            }
-        }
-        Some(sides)
     }
 }

@@ -65,7 +65,7 @@ struct Extent {
 impl Blobs {
     /// For parts of radii between the two given, each ignored within `excused_m` of its middle.
     pub(super) fn new(grid: &CellGrid, radii_m: [f64; 2], excused_m: f64) -> Self {
-        let [fewest, one_part] = radii_m.map(|radius_m| PI * radius_m * radius_m / grid.sample_m2());
+        let [fewest, one_part] = radii_m.map(|radius_m| PI * radius_m * radius_m / (grid.spacing_m * grid.spacing_m));
         Self {
             stride: grid.stride,
             states: vec![BORDER; grid.len()],

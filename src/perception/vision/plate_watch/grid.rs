@@ -47,11 +47,6 @@ impl CellGrid {
         self.pixels.len()
     }
 
-    /// Area of one sample's grid cell, m².
-    pub(super) fn sample_m2(&self) -> f64 {
-        self.spacing_m * self.spacing_m
-    }
-
     /// Indices of the places that have a sample.
     pub(super) fn usable(&self) -> impl Iterator<Item = usize> {
         self.pixels.iter().enumerate().filter(|(_, pixel)| **pixel != NONE).map(|(sample, _)| sample)

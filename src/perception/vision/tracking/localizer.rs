@@ -91,8 +91,16 @@ impl PartLocalizer {
         if climbed.as_ref().is_some_and(|detection| detection.agreeing >= PLAIN_RAYS) {
             return climbed;
         }
-        let still = Expected { speed_px: 0.0, ..*expected };
-        let by_rim = [expected.place_px, seen.center_px].map(|place| self.recognise_far(view, i, place, &still));
+        let (part, still) = (self.classifier.kinds.get(seen.kind)?, Expected { speed_px: 0.0, ..*expected });
+        // First over a longer reach than in plain view.
+        let reach = (0.2 * self.radius_px(seen.kind)).max(5.0);
+        let by_rim = [expected.place_px, seen.center_px].map(|place_px| {
+            let foot_m = self.classifier.foot_below(&self.table, seen.kind, place_px);
+            let far = self.classifier.rim.fit::<25>(&view.sampler, &self.table, part, foot_m, reach);
+            let from_far = far.and_then(|fit| self.recognise(view, i, fit.center_px, &still));
+            let close = self.recognise(view, i, place_px, &still);
+            from_far.into_iter().chain(close).max_by_key(|detection| detection.agreeing)
+        });
         // Of equally good detections the first.
         climbed.into_iter().chain(by_rim.into_iter().flatten()).rev().max_by_key(|detection| detection.agreeing)
     }
@@ -119,24 +127,6 @@ impl PartLocalizer {
             fit = again;
         }
         self.detection(view, i, &fit, expected)
-    }
-
-    /// The same over a longer reach.
-    fn recognise_far(
-        &self,
-        view: &TrackingFrame,
-        i: usize,
-        place_px: Vec2,
-        expected: &Expected,
-    ) -> Option<Observation> {
-        let kind = view.tracks.get(i)?.seen.kind;
-        let part = self.classifier.kinds.get(kind)?;
-        let foot_m = self.classifier.foot_below(&self.table, kind, place_px);
-        let reach = (0.2 * self.radius_px(kind)).max(5.0);
-        let far = self.classifier.rim.fit::<25>(&view.sampler, &self.table, part, foot_m, reach);
-        let from_far = far.and_then(|fit| self.recognise(view, i, fit.center_px, expected));
-        let close = self.recognise(view, i, place_px, expected);
-        from_far.into_iter().chain(close).max_by_key(|detection| detection.agreeing)
     }
 
     /// Detection of part `i` from a rim, if it is one.
