@@ -1,5 +1,5 @@
 //! The command line as a subprocess: exit status, one line per fault, results on stdout.
-#![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
+#![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::fs;
 use std::path::{Path, PathBuf};

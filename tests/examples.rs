@@ -1,7 +1,7 @@
 //! Runs `locate_picture`, `plan_and_simulate`, `own_task` and `own_rig` of `examples/` and checks their output;
 //! `tests/student.rs` has the picture that `draw_principle` draws. `cargo test` builds the programs; after
 //! `cargo build --examples` this test runs alone.
-#![allow(clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
+#![allow(clippy::disallowed_methods, clippy::unwrap_used, clippy::panic)] // a test that cannot go on shall say so
 
 use std::env::consts::EXE_SUFFIX;
 use std::process::Command;

@@ -21,12 +21,12 @@ pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<Fie
     for k in 1..=fields.harmonics {
         // velocity phasors of x, y and spin, a column for one count of each axis
         let mut response = Matrix3::zeros();
-        for axis in 0..3 {
+        for (axis, name) in NAMES.iter().enumerate() {
             session.report("fields", 3 * (k - 1) + axis, 3 * fields.harmonics);
             let unit = pulse(session, &fields, k, axis, 1.0);
             let counts = EFFORT * session.model.count_limit / unit.peak_counts();
             let drive = pulse(session, &fields, k, axis, counts);
-            let what = format!("{}, harmonic {k}", NAMES[axis]);
+            let what = format!("{name}, harmonic {k}");
             let there = session.read_twist(&what, &drive)?;
             let back = session.read_twist(&what, &drive.reversed())?;
             let read = |fit: &TwistFit, of: usize| if k == 1 { fit.axes[of].first } else { fit.axes[of].second };

@@ -1,5 +1,5 @@
 //! `upm-lab` as a subprocess.
-#![allow(clippy::unwrap_used)] // a test that cannot go on shall say so
+#![allow(clippy::disallowed_methods, clippy::unwrap_used)] // a test that cannot go on shall say so
 
 use std::fs;
 use std::path::{Path, PathBuf};

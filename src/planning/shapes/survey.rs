@@ -19,7 +19,7 @@ const ELEMENT_BYTES: usize = 128;
 /// Most elements of a document within each other.
 const MOST_DEEP: usize = 100;
 
-/// Most elements in a selector that may be anywhere within each other: the time to match it is their power of the depth.
+/// Most elements in a selector that may be anywhere within each other: the time to match it is a power of the depth.
 const MOST_IN_SELECTOR: i32 = 3;
 
 /// Elements whose content is not drawn where it is defined.
