@@ -197,7 +197,7 @@ mod tests {
         let shapes = r#"<rect x="1" y="2" width="3" height="4"/><polyline points="0,0 5,5" fill="red"/>"#;
         let (d, beside) = drawn(shapes).unwrap();
         assert_eq!(d, "M1,2 L4,2 L4,6 L1,6 Z M0,0 L5,5");
-        assert_eq!(beside, "polyline as an outline, rect as an outline");
+        assert_eq!(beside, "polyline taken as an outline, rect taken as an outline");
         let (d, _) = drawn(r#"<circle cx="5" cy="5" r="2"/>"#).unwrap();
         assert!(d.starts_with("M7,5 C") && d.ends_with('Z'), "{d}");
     }

@@ -52,9 +52,9 @@ pub(super) fn beside_paths(document: &Document<'_>) -> Result<String, String> {
     let by_id: HashMap<&str, Node<'_, '_>> =
         document.descendants().rev().filter_map(|node| Some((node.attribute("id")?, node))).collect();
     let sheets = document.descendants().filter(|node| node.tag_name().name() == "style");
-    let sheets: String = sheets.filter_map(|sheet| sheet.text()).collect();
-    let without_comment = |part: &'_ str| part.split_once("*/").map_or(part, |(_, after)| after).to_owned();
-    let sheets: String = sheets.split("/*").map(without_comment).collect();
+    let commented: String = sheets.filter_map(|sheet| sheet.text()).collect();
+    let sheets: String =
+        commented.split("/*").map(|part| part.split_once("*/").map_or(part, |(_, after)| after)).collect();
     let selectors = sheets.split('{').filter_map(|before| before.rsplit(['}', ';']).next());
     let apart = |word: &str| if word == ">" { -1 } else { 1 };
     let is_slow = |selector: &str| selector.split_whitespace().map(apart).sum::<i32>() > MOST_IN_SELECTOR;
@@ -103,7 +103,7 @@ pub(super) fn beside_paths(document: &Document<'_>) -> Result<String, String> {
 /// Adds what `node` is or has beside plain paths.
 fn look_at(node: Node<'_, '_>, beside: &mut BTreeSet<String>) {
     let name = node.tag_name().name();
-    beside.extend(is_one_of(name, SHAPES).then(|| format!("{name} as an outline")));
+    beside.extend(is_one_of(name, SHAPES).then(|| format!("{name} taken as an outline")));
     let has_fault = node.attribute("d").is_some_and(|d| parsed(d).is_err());
     beside.extend(has_fault.then(|| "path data left out from a fault on".to_owned()));
     let css = if name == "style" { node.text() } else { node.attribute("style") }.unwrap_or_default();

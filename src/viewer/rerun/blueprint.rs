@@ -107,7 +107,7 @@ fn plan(layout: &mut ViewLayout, method: PlanningMethod) -> ContainerLike {
         PlanningMethod::SynthesizedField => ("Harmonics, mm/s", "plan/harmonics_mm_s"),
         PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => ("Plan: d, mm", "plan/d_mm"),
     };
-    layout.bounded(name, origin, [-0.05, BARS_WIDTH + 0.05], [-0.05, 1.05])
+    layout.bounded(name, origin, [-0.05, BARS_WIDTH + 0.05], [-0.05, 1.15])
 }
 
 fn signals(layout: &mut ViewLayout) -> ContainerLike {
