@@ -8,10 +8,9 @@ use upm_planning::planner::{Limit, PlanStatus, PlanningMethod};
 use upm_planning::task::Setpoints;
 
 /// Plans with pulses in which some measure of progress must improve; cycles that continue a sequence do not count.
-/// This and the other numbers of cycles are for at most [`SERVED`] parts, and in proportion for more.
+/// This and the other numbers of cycles are for at most [`SERVED`] parts; they grow with the number of pairs, which
+/// hinder each other.
 const FUTILE_CYCLES: u32 = 20;
-/// Parts that one motion brings nearer at a time: where there are more, they take turns.
-const SERVED: u32 = 8;
 /// The same where every part is within `NEAR` times the tolerance: each cycle may be the one that brings all of them
 /// in, as in a run of 24 coins after twenty cycles that brought them no nearer.
 const NEAR_CYCLES: u32 = 100;
@@ -19,6 +18,8 @@ const NEAR: f64 = 6.0;
 /// Cycles with pulses in which the parts must come nearer to their targets: detours around each other lead away for a
 /// while.
 const DETOUR_CYCLES: u32 = 200;
+/// Parts that one motion brings nearer at a time: where there are more, they take turns.
+const SERVED: u32 = 8;
 /// Relative decrease of a distance that counts as an improvement.
 const SHARE: f64 = 0.01;
 /// The same for a single part that is not at its target yet: dense sets advance part by part, some of them back for a
@@ -127,7 +128,8 @@ impl ProgressWatch {
             self.limit = None;
         }
         let is_near = farthest_m(seen_m, &wanted.targets_m) < NEAR * self.tolerance_m;
-        let allowed = |cycles| cycles * (seen_m.len() as u32).max(SERVED) / SERVED;
+        let parts = (seen_m.len() as u32).max(SERVED);
+        let allowed = |cycles| cycles * parts * parts / (SERVED * SERVED);
         self.futile >= allowed(if is_near { NEAR_CYCLES } else { FUTILE_CYCLES })
             || self.detour >= allowed(DETOUR_CYCLES)
     }
@@ -273,9 +275,9 @@ mod tests {
             let wanted =
                 Setpoints { targets_m: vec![x(0.05); parts], subgoals_m: vec![x(0.05); parts], ..Setpoints::default() };
             let mut watch = ProgressWatch::new(false, TOLERANCE_M);
-            (0..100).find(|&cycle| watch.observe(&wanted, &vec![x(0.0); parts], cycle > 0))
+            (0..300).find(|&cycle| watch.observe(&wanted, &vec![x(0.0); parts], cycle > 0))
         };
-        assert_eq!([1, 8, 24].map(ended), [Some(20), Some(20), Some(60)]);
+        assert_eq!([1, 8, 24].map(ended), [Some(20), Some(20), Some(180)]);
     }
 
     #[test]
