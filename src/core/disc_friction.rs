@@ -69,21 +69,33 @@ impl DiscFriction {
     }
 
     /// [`Self::force_and_torque`] at `x = v/(v + R|w|)`.
-    #[inline]
+    #[inline(always)]
     fn at_share_of_sliding(&self, x: f64) -> [f64; 2] {
         let [force, torque] = self.reduced(x, 1.0 - x, 1.0);
         [force * x, torque * (1.0 - x)]
     }
 
-    #[inline]
+    #[inline(always)]
     fn reduced(&self, slide: f64, rim: f64, inverse_total: f64) -> [f64; 2] {
-        let difference = slide - rim;
-        let root = (difference.abs() * inverse_total).sqrt().copysign(difference);
-        let place = (root + 1.0) * CELLS as f64;
-        let cell = (place as usize).min(2 * CELLS - 1);
-        let along = place - cell as f64;
-        let ([f0, t0], [f1, t1]) = (self.nodes[cell], self.nodes[cell + 1]);
-        [f0 + along * (f1 - f0), t0 + along * (t1 - t0)]
+        self.reduced_of([slide], [rim], [inverse_total])[0]
+    }
+
+    /// `[f s/v, t s/(R|w|)]` of several discs: a loop each for what SIMD does side by side and for the table.
+    #[inline(always)]
+    fn reduced_of<const N: usize>(&self, slide: [f64; N], rim: [f64; N], inverse_total: [f64; N]) -> [[f64; 2]; N] {
+        let (mut place, mut reduced) = ([0.0; N], [[0.0; 2]; N]);
+        for i in 0..N {
+            let difference = slide[i] - rim[i];
+            let root = (difference.abs() * inverse_total[i]).sqrt().copysign(difference);
+            place[i] = (root + 1.0) * CELLS as f64;
+        }
+        for i in 0..N {
+            let cell = (place[i] as usize).min(2 * CELLS - 1);
+            let along = place[i] - cell as f64;
+            let ([f0, t0], [f1, t1]) = (self.nodes[cell], self.nodes[cell + 1]);
+            reduced[i] = [f0 + along * (f1 - f0), t0 + along * (t1 - t0)];
+        }
+        reduced
     }
 }
 

@@ -11,4 +11,5 @@ pub use diagnostic::{
     Diagnostic, DiagnosticClass, Diagnostics, Path, TextPosition, counted, listed, nearest, one_of, quoted, shown,
 };
 pub use file_kind::Document;
+pub use json_value::pretty;
 pub use read::{MOST_BYTES, parse, parse_and_build, reason, schema_of, text_of, text_within};

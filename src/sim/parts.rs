@@ -6,6 +6,8 @@
 
 mod body;
 
+use multiversion::multiversion;
+
 use super::collision::Contacts;
 use super::faults::{Oil, PlantFaults};
 use super::plate::{PlateMotion, Wrench};
@@ -19,11 +21,25 @@ pub use body::PartMotion;
 /// Position of parts that are taken off the plate, m: far outside every view.
 const AWAY_M: f64 = 100.0;
 
+/// SIMD lanes: parts whose friction is solved side by side.
+const LANES: usize = 8;
+
 /// Factor on the friction of part `part` at `arm_m` from the plate's centre.
 fn friction_factor(faults: &PlantFaults, part: usize, arm_m: Vec2) -> f64 {
     let own = faults.friction.get(part).copied().unwrap_or(1.0);
     let is_in = |oil: &Oil| (arm_m - oil.center_m).norm_squared() < oil.radius_m * oil.radius_m;
     own * faults.oil.filter(is_in).map_or(1.0, |oil| oil.friction)
+}
+
+/// [`DiscFriction::remaining_slip_fractions`] of a group of parts.
+#[multiversion(targets("x86_64+avx2"))]
+fn remaining_slip_fractions(
+    friction: &DiscFriction,
+    slide_mps: [f64; LANES],
+    rim_mps: [f64; LANES],
+    reach_mps: [f64; LANES],
+) -> [[f64; 2]; LANES] {
+    friction.remaining_slip_fractions_of(slide_mps, rim_mps, reach_mps)
 }
 
 /// All parts of one plate.
@@ -60,22 +76,33 @@ impl Parts {
         let (mut impulse, mut turn, mut liveliest) = (Vec2::zeros(), 0.0, 0.0f64);
         let Self { bodies, faults, .. } = self;
         let pull_mps = faults.pull_mps2 * self.step_s;
-        for (part, body) in bodies.iter_mut().enumerate().filter(|(_, body)| body.motion.on_plate) {
-            let arm = body.motion.part_in_table.position_m - center;
-            let reach_mps = body.reach_mps * friction_factor(faults, part, arm);
-            body.motion.velocity_mps += pull_mps;
-            let (sped, spun) =
-                body.drag(self.friction, reach_mps, plate.twist.velocity_at(arm), plate.twist.spin_radps);
-            impulse += sped * body.mass_kg;
-            turn += cross(arm, sped) * body.mass_kg + body.inertia_kgm2() * spun;
-            liveliest = liveliest.max(body.min_rim_speed_squared());
+        for (group, bodies) in bodies.chunks_mut(LANES).enumerate() {
+            let (mut arms, mut slips) = ([Vec2::zeros(); LANES], [(Vec2::zeros(), 0.0); LANES]);
+            // nothing holds a lane without a part
+            let (mut slide2, mut rim_mps, mut reach_mps) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            for (i, body) in bodies.iter_mut().enumerate().filter(|(_, body)| body.motion.on_plate) {
+                arms[i] = body.motion.part_in_table.position_m - center;
+                reach_mps[i] = body.reach_mps * friction_factor(faults, LANES * group + i, arms[i]);
+                body.motion.velocity_mps += pull_mps;
+                slips[i] = body.slip(plate.twist.velocity_at(arms[i]), plate.twist.spin_radps);
+                (slide2[i], rim_mps[i]) = (slips[i].0.norm_squared(), body.radius_m * slips[i].1.abs());
+            }
+            let kept = remaining_slip_fractions(self.friction, slide2.map(f64::sqrt), rim_mps, reach_mps);
+            for (i, body) in bodies.iter_mut().enumerate().filter(|(_, body)| body.motion.on_plate) {
+                let (sped, spun) = (slips[i].0 * (kept[i][0] - 1.0), slips[i].1 * (kept[i][1] - 1.0));
+                body.motion.velocity_mps += sped;
+                body.motion.spin_radps += spun;
+                impulse += sped * body.mass_kg;
+                turn += cross(arms[i], sped) * body.mass_kg + body.inertia_kgm2() * spun;
+                liveliest = liveliest.max(body.min_rim_speed_squared());
 
-            let motion = &mut body.motion;
-            motion.part_in_table.position_m += motion.velocity_mps * self.step_s;
-            motion.part_in_table.heading_rad += motion.spin_radps * self.step_s;
-            let along_plate = Vec2::new(arm.x + tilt * arm.y, arm.y - tilt * arm.x);
-            if along_plate.amax() > self.half_side_m {
-                body.fall(arm, self.half_side_m);
+                let motion = &mut body.motion;
+                motion.part_in_table.position_m += motion.velocity_mps * self.step_s;
+                motion.part_in_table.heading_rad += motion.spin_radps * self.step_s;
+                let along_plate = Vec2::new(arms[i].x + tilt * arms[i].y, arms[i].y - tilt * arms[i].x);
+                if along_plate.amax() > self.half_side_m {
+                    body.fall(arms[i], self.half_side_m);
+                }
             }
         }
         self.fastest_mps = liveliest.sqrt();

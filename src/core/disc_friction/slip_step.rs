@@ -30,23 +30,27 @@ impl DiscFriction {
     /// solution `s₁ + r₁` is positive exactly when `(slide, rim/2)` lies outside the limit curve. The unknown is
     /// `x = s₁/(s₁+r₁)`, the root of a function that runs from `slide` at 0 to `-rim` at 1, found by regula falsi in
     /// which the value of the retained end is halved at every step (a variant of the Illinois method).
-    #[inline]
+    #[inline(always)]
     pub fn remaining_slip_fractions_of<const N: usize>(
         &self,
         slide_mps: [f64; N],
         rim_mps: [f64; N],
         reach_mps: [f64; N],
     ) -> [[f64; 2]; N] {
-        let mut fractions = [[0.0; 2]; N];
-        let (mut slide, mut rim, mut is_small) = ([0.0_f64; N], [0.0_f64; N], [false; N]);
+        let (mut total, mut inverse, mut fractions) = ([0.0; N], [0.0; N], [[0.0; 2]; N]);
         for i in 0..N {
-            let total = slide_mps[i] + rim_mps[i];
-            if total > IMPLICIT_BELOW * reach_mps[i] {
-                let inverse = 1.0 / total;
-                let [force, torque] = self.reduced(slide_mps[i], rim_mps[i], inverse);
-                let pull = reach_mps[i] * inverse;
-                fractions[i] = [1.0 - pull * force, 1.0 - 2.0 * pull * torque];
-            } else if total > 0.0 {
+            total[i] = slide_mps[i] + rim_mps[i];
+            inverse[i] = 1.0 / total[i];
+        }
+        let reduced = self.reduced_of(slide_mps, rim_mps, inverse);
+        for i in 0..N {
+            let ([force, torque], pull) = (reduced[i], reach_mps[i] * inverse[i]);
+            fractions[i] = [1.0 - pull * force, 1.0 - 2.0 * pull * torque];
+        }
+        let (mut slide, mut rim, mut is_small) = ([0.0_f64; N], [0.0_f64; N], [false; N]);
+        for i in (0..N).filter(|&i| total[i] <= IMPLICIT_BELOW * reach_mps[i]) {
+            fractions[i] = [0.0; 2];
+            if total[i] > 0.0 {
                 (slide[i], rim[i]) = (slide_mps[i] / reach_mps[i], rim_mps[i] / reach_mps[i]);
                 is_small[i] = slide[i] * slide[i] + (0.75 * rim[i]).powi(2) > INSIDE_LIMIT_CURVE;
             }

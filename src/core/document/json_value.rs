@@ -20,6 +20,11 @@ pub(super) fn value_of(text: &str, faults: &mut Diagnostics) -> serde_json::Resu
     json.end().map(|()| value)
 }
 
+/// Indented JSON of `value`. It is made here because this crate is always compiled for speed.
+pub fn pretty(value: &Value) -> String {
+    serde_json::to_string_pretty(value).unwrap_or_default()
+}
+
 struct Walk<'a> {
     at: Path,
     faults: &'a mut Diagnostics,

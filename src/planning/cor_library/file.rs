@@ -15,6 +15,11 @@ impl Library {
         in_lines(&serde_json::to_string(self).unwrap_or_default())
     }
 
+    /// The file as a value.
+    pub fn to_value(&self) -> serde_json::Value {
+        serde_json::to_value(self).unwrap_or_default()
+    }
+
     /// Reads [`Self::to_json`].
     ///
     /// # Errors

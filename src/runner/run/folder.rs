@@ -9,6 +9,7 @@ use super::machine::machine;
 use super::setup::RunSetup;
 use crate::config::{JobSpec, reason};
 use upm_control::{FrameFacts, Sink};
+use upm_core::document::pretty;
 use upm_core::files::{sync_folder, write_whole};
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
 use upm_core::units::mm_from_m;
@@ -75,11 +76,9 @@ impl RunFolder {
     pub(super) fn write_effective(&self, job: &JobSpec, library: &Library) -> Result<(), RunError> {
         let (version, mut effective) = (env!("CARGO_PKG_VERSION"), job.effective());
         // a run can be repeated from it without any other file
-        effective["library"] = serde_json::to_value(library).unwrap_or_default();
-        self.write_json(
-            "effective.json",
-            &json!({ "version": version, "machine": machine(), "camera": job.camera, "job": effective }),
-        )
+        effective["library"] = library.to_value();
+        let effective = json!({ "version": version, "machine": machine(), "camera": job.camera, "job": effective });
+        self.write_text("effective.json", pretty(&effective))
     }
 
     pub(super) fn journal(&self, recording_options: &RecordingOptions) -> Result<BackgroundWriter, RunError> {
@@ -100,6 +99,10 @@ impl RunFolder {
     /// Writes `value` into a file, whole and with its name safe over a power cut, on a disk that can.
     pub(super) fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<(), RunError> {
         let text = serde_json::to_string_pretty(value).map_err(|error| self.write_error(name, &error))?;
+        self.write_text(name, text)
+    }
+
+    fn write_text(&self, name: &str, text: String) -> Result<(), RunError> {
         // atomic: a file under its final name is complete and on the disk
         let draft = self.0.join(format!("{name}.part"));
         File::create(&draft)

@@ -1,7 +1,6 @@
 //! One part: constants and state.
 
 use crate::PartParams;
-use upm_core::disc_friction::DiscFriction;
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::units::GRAVITY_MPS2;
 
@@ -67,24 +66,11 @@ impl PartBody {
         0.5 * self.mass_kg * self.radius_m * self.radius_m
     }
 
-    /// Friction of one step against a plate that moves at `surface_mps` at the part and spins at `surface_radps`.
-    /// Returns the changes of velocity and spin.
+    /// Its slide, m/s, and its spin, rad/s, against a plate that moves at `surface_mps` at the part and spins at
+    /// `surface_radps`.
     #[inline]
-    pub fn drag(
-        &mut self,
-        friction: &DiscFriction,
-        reach_mps: f64,
-        surface_mps: Vec2,
-        surface_radps: f64,
-    ) -> (Vec2, f64) {
-        let slip = self.motion.velocity_mps - surface_mps;
-        let spin_slip = self.motion.spin_radps - surface_radps;
-        let rim_mps = self.radius_m * spin_slip.abs();
-        let [keep_slide, keep_spin] = friction.remaining_slip_fractions(slip.norm(), rim_mps, reach_mps);
-        let change = (slip * (keep_slide - 1.0), spin_slip * (keep_spin - 1.0));
-        self.motion.velocity_mps += change.0;
-        self.motion.spin_radps += change.1;
-        change
+    pub fn slip(&self, surface_mps: Vec2, surface_radps: f64) -> (Vec2, f64) {
+        (self.motion.velocity_mps - surface_mps, self.motion.spin_radps - surface_radps)
     }
 
     /// Lower bound of the squared speed of the rim's fastest point, m²/s².

@@ -65,12 +65,12 @@ pub(super) struct ShootingProblem<'a> {
 pub(super) struct RolloutPool(RefCell<Vec<Rollout>>);
 
 impl RolloutPool {
-    fn take(&self) -> Rollout {
+    pub fn take(&self) -> Rollout {
         self.0.borrow_mut().pop().unwrap_or_default()
     }
 
-    pub fn keep(&self, iterate: Iterate) {
-        self.0.borrow_mut().push(iterate.rollout);
+    pub fn keep(&self, rollout: Rollout) {
+        self.0.borrow_mut().push(rollout);
     }
 }
 
@@ -163,7 +163,7 @@ impl ShootingProblem<'_> {
 
     fn cheaper(&self, a: Iterate, b: Iterate) -> Iterate {
         let (cheaper, other) = if a.cost < b.cost { (a, b) } else { (b, a) };
-        self.pool.keep(other);
+        self.pool.keep(other.rollout);
         cheaper
     }
 

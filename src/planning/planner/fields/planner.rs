@@ -168,11 +168,13 @@ impl FieldPlanner {
 
     /// Forecast positions of `parts` after `pulse`, m.
     pub fn forecast(&self, parts: &[PartState], pulse: &FieldPulse) -> Vec<Vec2> {
-        let mut rollout = Rollout::default();
+        let mut rollout = self.pool.take();
         let basis = if pulse.follows == Follows::Velocity { &self.model.basis } else { &self.model.path_basis };
         let coefficients = basis.coefficients(&pulse.wave);
         rollout.run(basis, &coefficients, &self.envelope(pulse.sustain_s), &self.discs(parts));
-        rollout.ends_m
+        let ends_m = rollout.ends_m.clone();
+        self.pool.keep(rollout);
+        ends_m
     }
 
     /// A pulse for steps of `wanted_m` root mean square that keeps the limits, found from `again` or from scratch; else
@@ -216,7 +218,7 @@ impl FieldPlanner {
         let corridor_excess = iterate.corridor_excess(corridors);
         self.learn_reach(wanted_m, left, !corridors.is_empty());
         self.last = Some(iterate.coefficients.clone());
-        self.pool.keep(iterate);
+        self.pool.keep(iterate.rollout);
         Ok(Plan { status: PlanStatus::Solved, pulses: vec![pulse], predicted_m, corridor_excess, ..Plan::default() })
     }
 
@@ -256,7 +258,7 @@ impl FieldPlanner {
         let starts = self.last.iter().chain(starts.iter().skip(self.passed_over));
         let better = |a: Iterate, b: Iterate| {
             let (better, other) = if b.left(problem.steps_m) < a.left(problem.steps_m) { (b, a) } else { (a, b) };
-            self.pool.keep(other);
+            self.pool.keep(other.rollout);
             better
         };
         let first = |start: &Vec<f64>| problem.improved(problem.regularized_step(start), FIRST_ROUNDS);
