@@ -1,11 +1,11 @@
 use super::delay::SwingVerdict;
 use super::steps::PulseOutcome;
-use crate::found::Found;
-use upm_core::job::Finding;
+use crate::found::{Found, Reason};
+use upm_core::job::{Finding, RunnerUp};
 use upm_core::signal::{CHANNEL_NAMES, Drive};
 use upm_core::units::GRAVITY_MPS2;
 use upm_perception::estimation::{
-    AccelerometerPair, ChannelFault, ExpectedMotion, FitFault, MotionVerdict, PlateFit, RunnerUp, judge,
+    AccelerometerPair, ChannelFault, ExpectedMotion, FitFault, MotionVerdict, PlateFit, judge,
 };
 use upm_planning::cor_library::{CoilResponse, Library};
 use upm_planning::planner::PlannedPulse;
@@ -23,16 +23,14 @@ const REVERSED: f64 = 2.0;
 const NEARLY_REVERSED: f64 = 0.1;
 /// Number of consecutive pulses with a smaller deviation before it is reported.
 const OFF_IN_A_ROW: u32 = 2;
-/// Largest odds that are told in figures: an explanation that is a thousand times less likely need not be checked.
-const TOLD_ODDS: f64 = 1000.0;
 
 /// A finding on coils or accelerometers from one pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionFinding {
     /// The finding, and the coil or channel it is about.
     pub found: Found,
-    /// The reason for people.
-    pub reason: String,
+    /// The reason, with the runner-up of the judgement.
+    pub reason: Reason,
     /// True when no more pulses may be played.
     pub ends: bool,
 }
@@ -107,10 +105,10 @@ impl MotionGuard {
             self.read = (self.read.0 + 1, self.read.1.max(mismatch.score));
         }
         let mut finding = self.finding(judged.verdict, off, reading.went, reading.swing)?;
-        if let Some(RunnerUp { verdict, odds }) = judged.runner_up {
-            let more = if odds > TOLD_ODDS { "more than " } else { "" };
-            finding.reason += &format!(" ({more}{:.0}:1 over {})", odds.min(TOLD_ODDS), name_of(verdict));
-        }
+        finding.reason.runner_up = judged.runner_up.map(|other| {
+            let odds = other.odds.min(f64::from(RunnerUp::MOST_ODDS)) as u32;
+            RunnerUp { what: name_of(other.verdict), odds }
+        });
         Some(finding)
     }
 
@@ -143,7 +141,7 @@ impl MotionGuard {
         let is_hidden = self.knows_fault && went.is_none() && swing != SwingVerdict::Otherwise;
         self.knows_fault |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
         self.doubts_sensors |= self.knows_fault;
-        let found = |found: Found, reason: String, ends| Some(MotionFinding { found, reason, ends });
+        let found = |found: Found, reason: String, ends| Some(MotionFinding { found, reason: reason.into(), ends });
         let percent = 100.0 * off;
         match verdict {
             MotionVerdict::AsPlanned | MotionVerdict::Unreadable { strong: false } => {
