@@ -150,8 +150,6 @@ impl MotionGuard {
             }
             MotionVerdict::Channel { channel, kind } => {
                 let shows = match kind {
-                    ChannelFault::Dead => "shows nothing".to_owned(),
-                    ChannelFault::Reversed => "has the wrong sign".to_owned(),
                     ChannelFault::Gain(gain) => format!("shows {gain:.2} of the motion"),
                     ChannelFault::Erratic => "does not agree with the other three".to_owned(),
                 };
@@ -222,7 +220,7 @@ mod tests {
     #[test]
     fn each_verdict_is_ignored_reported_or_ends_the_run() {
         let coil = |gain| MotionVerdict::Coil { coil: 0, gain, gain_sd: 0.02 };
-        let channel = MotionVerdict::Channel { channel: 2, kind: ChannelFault::Dead };
+        let channel = MotionVerdict::Channel { channel: 2, kind: ChannelFault::Gain(0.0) };
         let unread = |strong| MotionVerdict::Unreadable { strong };
         assert_eq!(ends(MotionVerdict::AsPlanned, 0.01, None), None);
         assert_eq!([0.85, 0.0, -1.0].map(|gain| ends(coil(gain), 0.1, None)), [Some(false), Some(true), Some(true)]);
@@ -257,7 +255,7 @@ mod tests {
         let by_swing = |guard: &mut MotionGuard| guard.finding(MotionVerdict::Other, 0.5, None, SwingVerdict::AsDriven);
         assert_eq!(by_swing(&mut swinging.clone()).map(|finding| finding.ends), Some(true), "nothing was known before");
         swinging.finding(
-            MotionVerdict::Channel { channel: 3, kind: ChannelFault::Dead },
+            MotionVerdict::Channel { channel: 3, kind: ChannelFault::Gain(0.0) },
             0.5,
             None,
             SwingVerdict::AsDriven,

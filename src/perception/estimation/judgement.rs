@@ -35,12 +35,6 @@ const RESPONSE_ERROR: f64 = 0.02;
 /// Smallest gain error that is attributed to its coil or channel.
 const LEAST_GAIN_ERROR: f64 = 0.05;
 
-/// Largest gain of a dead channel, either sign.
-const DEAD_GAIN: f64 = 0.1;
-
-/// Largest distance of a reversed channel's gain from -1.
-const REVERSED_GAIN_ERROR: f64 = 0.2;
-
 /// Planned acceleration from which a pulse must be readable, in units of [`WEAKEST_MPS2`].
 const STRONG: f64 = 4.0;
 
@@ -135,11 +129,7 @@ pub enum MotionVerdict {
 /// Fault of an accelerometer channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ChannelFault {
-    /// Shows no motion.
-    Dead,
-    /// Shows the motion with the wrong sign.
-    Reversed,
-    /// Shows the motion with this gain.
+    /// Shows the motion with this gain: 0 where it is dead, -1 where its sign is wrong.
     Gain(f64),
     /// Shows something else; the other three agree with the plan.
     Erratic,
@@ -330,15 +320,8 @@ impl<'a> PulseJudge<'a> {
             shown[channel] *= gain;
             shown
         });
-        let kind = if gain.abs() <= DEAD_GAIN {
-            ChannelFault::Dead
-        } else if (gain + 1.0).abs() <= REVERSED_GAIN_ERROR {
-            ChannelFault::Reversed
-        } else {
-            ChannelFault::Gain(gain)
-        };
         let score = if is_fault(gain) { self.score(&shown.collect()) } else { f64::INFINITY };
-        (score, MotionVerdict::Channel { channel, kind })
+        (score, MotionVerdict::Channel { channel, kind: ChannelFault::Gain(gain) })
     }
 
     /// Deviation of the reading from `predicted` in tolerances, root mean square. The response's error grows with the

@@ -211,13 +211,10 @@ proptest! {
 
     #[test]
     fn single_channel_is_blamed_with_its_fault(
-        seed: u64, of in 0..CHANNELS, gain in prop_oneof![0.3..0.8f64, 1.2..2.0f64], rotates: bool,
+        seed: u64, of in 0..CHANNELS, gain in prop_oneof![Just(0.0), Just(-1.0), 0.3..0.8f64, 1.2..2.0f64],
+        rotates: bool,
     ) {
         let drive = if rotates { strong_rotation() } else { strong_field(seed, 3.0) };
-        for (shown, kind) in [(0.0, ChannelFault::Dead), (-1.0, ChannelFault::Reversed)] {
-            let verdict = channel(of, shown).judged(&drive, seed).verdict;
-            prop_assert_eq!(verdict, MotionVerdict::Channel { channel: of, kind });
-        }
         let verdict = channel(of, gain).judged(&drive, seed).verdict;
         let MotionVerdict::Channel { channel: found, kind: ChannelFault::Gain(read) } = verdict else {
             return Err(TestCaseError::fail(format!("{verdict:?}")));
