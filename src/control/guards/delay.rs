@@ -2,6 +2,7 @@ use std::collections::VecDeque;
 
 use upm_core::geometry::{Twist, Vec2, perp};
 use upm_core::signal::{Envelope, TwistWave};
+use upm_perception::estimation::BEARABLE_GAINS;
 
 /// Longest delay considered, frames.
 const LONGEST: usize = 30;
@@ -15,8 +16,6 @@ const FARTHEST_PX: f64 = 6.0;
 const NOISE_PX: f64 = 0.05;
 /// Standard deviation of the swing that calibration predicts, as a share of its root mean square, until a run shows it.
 const MODEL_ERROR: f64 = 0.1;
-/// Gains of the swing that count as planned: a weak coil changes its height, not its time.
-const GAINS: (f64, f64) = (0.6, 1.7);
 /// Log-likelihood ratio of one pulse that casts doubt: one in a hundred.
 const DOUBTFUL: f64 = 4.6;
 /// Least planned swing that shows its height, root of the sum of squares, px.
@@ -258,7 +257,9 @@ impl DelayGuard {
             product += seen * expected;
             expected_sq += expected * expected;
         }
-        let gain = (product / f64::max(expected_sq, f64::MIN_POSITIVE)).clamp(GAINS.0, GAINS.1);
+        // a weak coil changes the swing's height, not its time
+        let (least, most) = (*BEARABLE_GAINS.start(), *BEARABLE_GAINS.end());
+        let gain = (product / f64::max(expected_sq, f64::MIN_POSITIVE)).clamp(least, most);
         let left = (seen_sq - 2.0 * gain * product + gain * gain * expected_sq).max(0.0);
         Residual { count, px2: left }
     }

@@ -5,7 +5,7 @@ use upm_core::job::{Finding, RunnerUp};
 use upm_core::signal::{CHANNEL_NAMES, Drive};
 use upm_core::units::GRAVITY_MPS2;
 use upm_perception::estimation::{
-    AccelerometerPair, ChannelFault, ExpectedMotion, FitFault, MotionVerdict, PlateFit, judge,
+    AccelerometerPair, BEARABLE_GAINS, ChannelFault, ExpectedMotion, FitFault, MotionVerdict, PlateFit, judge,
 };
 use upm_planning::cor_library::{CoilResponse, Library};
 use upm_planning::planner::PlannedPulse;
@@ -14,8 +14,6 @@ use upm_planning::planner::PlannedPulse;
 const COILS: [&str; 4] = ["x1", "x2", "y1", "y2"];
 /// Largest friction of a part on the plate: of dry metal.
 const MOST_FRICTION: f64 = 0.5;
-/// Gains of a coil that the next observation compensates for.
-const BEARABLE_GAIN: (f64, f64) = (0.7, 1.4);
 /// Relative deviation of a motion from its plan above which the run ends.
 const FAR_OFF: f64 = 0.25;
 /// Relative deviation of a motion that has the wrong sign, and how near to it a deviation counts as one.
@@ -157,11 +155,10 @@ impl MotionGuard {
                 found(Found::about(Finding::AccelerometerFault, channel), reason, false)
             }
             MotionVerdict::Coil { coil, gain, .. } => {
-                let is_bearable = (BEARABLE_GAIN.0..=BEARABLE_GAIN.1).contains(&gain);
                 let name = name_of(verdict);
                 let reason =
                     format!("{name} gives {gain:.2} of its force; the plate moved {percent:.0} % off the plan");
-                found(Found::about(Finding::CoilFault, coil), reason, !is_bearable)
+                found(Found::about(Finding::CoilFault, coil), reason, !BEARABLE_GAINS.contains(&gain))
             }
             MotionVerdict::Swapped { coils: [coil, _] } => {
                 found(Found::about(Finding::CoilFault, coil), name_of(verdict), true)

@@ -20,6 +20,8 @@ use upm_core::geometry::Vec2;
 use upm_core::phasor::magnitude;
 use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic, TwistWave};
 
+pub use self::coils::BEARABLE_GAINS;
+
 /// Tolerance of a coefficient in standard deviations when two periods or more were read.
 const DEVIATIONS: f64 = 8.0;
 

@@ -10,8 +10,9 @@ use upm_core::signal::{CHANNELS, MOTORS};
 /// coil with hardly any share in the motion.
 const COIL_GAINS: std::ops::RangeInclusive<f64> = -1.6..=2.0;
 
-/// Plausible common gains of the coils, set by the amplifier's supply.
-const SHARED_GAINS: std::ops::RangeInclusive<f64> = 0.7..=1.4;
+/// Gains of a coil with which a run goes on, since the next observation compensates for them: those that an amplifier's
+/// supply gives all its coils.
+pub const BEARABLE_GAINS: std::ops::RangeInclusive<f64> = 0.7..=1.4;
 
 impl PulseJudge<'_> {
     /// Score and verdict for the gain of `coil` that fits the reading best.
@@ -39,7 +40,7 @@ impl PulseJudge<'_> {
         let seen = Vector2::from_fn(|row, _| dot(&parts[row], &self.read.accel_mps2));
         let Some(inverse) = normal.try_inverse() else { return (f64::INFINITY, MotionVerdict::Other) };
         let [gain, shared]: [f64; 2] = (inverse * seen).into();
-        let is_plausible = COIL_GAINS.contains(&gain) && SHARED_GAINS.contains(&shared) && is_fault(gain / shared);
+        let is_plausible = COIL_GAINS.contains(&gain) && BEARABLE_GAINS.contains(&shared) && is_fault(gain / shared);
         let [own, others] = &parts;
         let score = if is_plausible { self.score(&sum([(own, gain), (others, shared)])) } else { f64::INFINITY };
         (score, MotionVerdict::Coil { coil, gain, gain_sd: inverse.m11.sqrt() })
