@@ -18,8 +18,6 @@ const NOISE_PX: f64 = 0.05;
 const MODEL_ERROR: f64 = 0.1;
 /// Log-likelihood ratio of one pulse that casts doubt: one in a hundred.
 const DOUBTFUL: f64 = 4.6;
-/// Least planned swing that shows its height, root of the sum of squares, px.
-const LEAST_SWING_PX: f64 = 0.6;
 /// Largest residual, as a share of the squares, of frames that show the planned swing: a swing larger by a fifth leaves
 /// this much.
 const AS_DRIVEN: f64 = 0.04;
@@ -166,7 +164,7 @@ impl DelayGuard {
         let expected: f64 = counted().map(|(_, _, expected)| expected * expected).sum();
         let left: f64 = counted().map(|(_, seen, expected)| (seen - expected).powi(2)).sum();
         match left / expected {
-            _ if expected <= LEAST_SWING_PX * LEAST_SWING_PX => SwingVerdict::Unclear,
+            _ if !shows_height(expected, counted().count()) => SwingVerdict::Unclear,
             share if share < AS_DRIVEN => SwingVerdict::AsDriven,
             share if share > OTHERWISE => SwingVerdict::Otherwise,
             _ => SwingVerdict::Unclear,
@@ -187,7 +185,7 @@ impl DelayGuard {
         let swing_px2 = self.seen().map(|(i, ..)| self.expected(i, 0).powi(2)).sum();
         let of_rest = in_time.evidence_for(self.residual(|_| 0.0), self.usual_px2(), swing_px2);
         self.unseen = (self.unseen + of_rest).max(0.0);
-        if swing_px2 > LEAST_SWING_PX * LEAST_SWING_PX {
+        if shows_height(swing_px2, self.seen().count()) {
             let late = (LATE..=LONGEST).map(|delay| self.left(delay as isize).px2);
             let best_px2 = late.fold(in_time.px2, f64::min);
             let (sum, pulses) = self.unexplained;
@@ -263,6 +261,12 @@ impl DelayGuard {
         let left = (seen_sq - 2.0 * gain * product + gain * gain * expected_sq).max(0.0);
         Residual { count, px2: left }
     }
+}
+
+/// True for a swing whose height this number of frames shows: noise alone leaves less of its squares than a swing as
+/// planned may.
+fn shows_height(swing_px2: f64, frames: usize) -> bool {
+    frames as f64 * NOISE_PX * NOISE_PX < AS_DRIVEN * swing_px2
 }
 
 impl PlateSwing {
