@@ -16,9 +16,6 @@ const COILS: [&str; 4] = ["x1", "x2", "y1", "y2"];
 const MOST_FRICTION: f64 = 0.5;
 /// Relative deviation of a motion from its plan above which the run ends.
 const FAR_OFF: f64 = 0.25;
-/// Relative deviation of a motion that has the wrong sign, and how near to it a deviation counts as one.
-const REVERSED: f64 = 2.0;
-const NEARLY_REVERSED: f64 = 0.1;
 /// Number of consecutive pulses with a smaller deviation before it is reported.
 const OFF_IN_A_ROW: u32 = 2;
 
@@ -122,7 +119,8 @@ impl MotionGuard {
         let went_there = went == Some(PulseOutcome::There);
         // a pulse that fails half way, or with one weak coil of two, still carries parts about where they should go;
         // a plate driven the wrong way round swings as far as planned, and a part on ice may glide about there
-        let shows_motion = shows_drive && (went_there || (off - REVERSED).abs() > NEARLY_REVERSED);
+        let is_reversed = (off - 2.0).abs() <= FAR_OFF;
+        let shows_motion = shows_drive && (went_there || !is_reversed);
         let saw_it_all = saw_it_go && shows_motion || went_there && self.doubts_sensors;
         let is_unread = matches!(verdict, MotionVerdict::Unreadable { strong: true });
         if is_unread && (saw_it_go || shows_drive) {
