@@ -9,9 +9,6 @@ const ROW_STEP: usize = 8;
 const LANES: usize = 4;
 /// Number of pictures remembered: a camera may repeat the same few in turn.
 const REMEMBERED: usize = 8;
-/// Share of a row's pixels above which a difference between two frames is noise: a moving plate changes the pixels
-/// along its sides only.
-const NOISY_SHARE: f64 = 0.2;
 /// Largest age of a time stamp, frames.
 const OLDEST_FRAMES: f64 = 3.0;
 
@@ -97,7 +94,8 @@ impl Freshness {
                 let middle = frame.pixels.get(y * frame.width..(y + 1) * frame.width).unwrap_or_default();
                 let before = std::mem::replace(&mut self.middle[band], middle.to_vec());
                 let differing = middle.iter().zip(&before).filter(|(pixel, before)| pixel != before).count();
-                self.noisy[band] = differing as f64 > NOISY_SHARE * middle.len() as f64;
+                // noise differs in most pixels, a moving plate along its sides only
+                self.noisy[band] = 2 * differing > middle.len();
             }
             self.changed |= seen.last().is_some_and(|last| *last != hash);
             repeated |= self.frames > 1 && self.noisy[band] && hash.is_some() && seen.contains(&hash);
