@@ -7,7 +7,7 @@ use upm_perception::estimation::BEARABLE_GAINS;
 /// Longest delay considered, frames.
 const LONGEST: usize = 30;
 /// Delay from which on pictures are late, frames: exposure and transfer take up to one.
-const LATE: usize = 2;
+pub(super) const LATE: usize = 2;
 /// Largest number of frames judged in a pulse: the longest pulse has fewer.
 const WINDOW: usize = 64;
 /// Larger displacements are clamped to this, px: the sides are followed no farther.

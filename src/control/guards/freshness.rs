@@ -1,3 +1,4 @@
+use super::delay::LATE;
 use upm_core::signal::{Frame, MeasuredPositions};
 use upm_core::time::PlateTime;
 
@@ -9,8 +10,6 @@ const ROW_STEP: usize = 8;
 const LANES: usize = 4;
 /// Number of pictures remembered: a camera may repeat the same few in turn.
 const REMEMBERED: usize = 8;
-/// Largest age of a time stamp, frames.
-const OLDEST_FRAMES: f64 = 3.0;
 
 /// Number of frames in a row, after the first, that show the plate at exactly the same place.
 const STILL_FRAMES: u32 = 3;
@@ -64,7 +63,9 @@ impl Freshness {
         let before = self.last.replace((frame.index, frame.exposed_at));
         let older_s = now - frame.exposed_at;
         let is_next = before.is_none_or(|(index, at)| frame.index > index && frame.exposed_at > at);
-        let in_time = (-self.frame_s..=OLDEST_FRAMES * self.frame_s + self.exposure_s).contains(&older_s);
+        // the transfer of a picture that is not late yet, and the frame in which it is taken
+        let oldest_s = (LATE + 1) as f64 * self.frame_s + self.exposure_s;
+        let in_time = (-self.frame_s..=oldest_s).contains(&older_s);
         let repeated = match &frame.positions {
             Some(positions) => {
                 // noise makes all positions unique
