@@ -13,7 +13,7 @@ mod reading;
 
 use nalgebra::{Complex, Vector3};
 
-use self::reading::TraceReading;
+use self::reading::{DEVIATIONS, TraceReading};
 use super::accelerometer_phasors::{AccelerometerPhasors, Velocity, accelerometer_phasors};
 use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2};
 use upm_core::geometry::Vec2;
@@ -22,10 +22,7 @@ use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic, TwistWave};
 
 pub use self::coils::BEARABLE_GAINS;
 
-/// Tolerance of a coefficient in standard deviations when two periods or more were read.
-const DEVIATIONS: f64 = 8.0;
-
-/// The same when a single period was read. The fit's polynomial then follows the plate's resonance only in part:
+/// [`DEVIATIONS`] when a single period was read. The fit's polynomial then follows the plate's resonance only in part:
 /// healthy coefficients are up to 8 standard deviations off.
 const DEVIATIONS_ONE_PERIOD: f64 = 14.0;
 
