@@ -145,7 +145,7 @@ pub fn judge(
         Err(fault) => fault,
     };
     let harmonics = expected.drive.motors.iter().map(Vec::len).max().unwrap_or(0);
-    let planned = expected.readings(harmonics, &AssumedCoilSignals::Planned, sensors);
+    let planned = expected.readings(harmonics, AS_PLANNED, sensors);
     // these two mean that this rig's traces can never be read this way, whatever the plate does
     let never = matches!(fault, FitFault::Unreadable(_) | FitFault::Undetermined { .. });
     let verdict = MotionVerdict::Unreadable { strong: !never && is_strong(expected, &planned) };
@@ -158,20 +158,18 @@ fn is_strong(expected: &ExpectedMotion<'_>, planned: &AccelerometerPhasors) -> b
     expected.periods() >= READABLE_PERIODS && largest_mps2 >= STRONG * WEAKEST_MPS2
 }
 
-/// Counts that the coils are assumed to play.
-enum AssumedCoilSignals {
-    Planned,
-    Without(usize),
-    Swapped([usize; 2]),
-}
+/// For each coil, the one whose signal it is assumed to play, and the share of that.
+type PlayedSignals = [(usize, f64); MOTORS];
+
+/// Every coil plays its own signal.
+const AS_PLANNED: PlayedSignals = [(0, 1.0), (1, 1.0), (2, 1.0), (3, 1.0)];
 
 impl ExpectedMotion<'_> {
     /// The plate's velocity at full height, times from the start of the pulse.
     pub fn wave(&self) -> TwistWave {
         let Drive { base_radps, motors, .. } = self.drive;
         let harmonics = motors.iter().map(Vec::len).max().unwrap_or(0);
-        let harmonics =
-            self.velocity(harmonics, &AssumedCoilSignals::Planned).iter().map(TwistHarmonic::from_phasor).collect();
+        let harmonics = self.velocity(harmonics, AS_PLANNED).iter().map(TwistHarmonic::from_phasor).collect();
         TwistWave { base_radps: *base_radps, harmonics }
     }
 
@@ -181,27 +179,16 @@ impl ExpectedMotion<'_> {
     }
 
     /// The accelerometers' readings of [`Self::velocity`].
-    fn readings(
-        &self,
-        harmonics: usize,
-        played: &AssumedCoilSignals,
-        sensors: &AccelerometerPair,
-    ) -> AccelerometerPhasors {
+    fn readings(&self, harmonics: usize, played: PlayedSignals, sensors: &AccelerometerPair) -> AccelerometerPhasors {
         accelerometer_phasors(&self.velocity(harmonics, played), self.drive.base_radps, sensors.position_m)
     }
 
     /// The plate's velocity in `harmonics` harmonics; those absent from drive or response are zero.
-    fn velocity(&self, harmonics: usize, played: &AssumedCoilSignals) -> Velocity {
+    fn velocity(&self, harmonics: usize, played: PlayedSignals) -> Velocity {
         let mut velocity = vec![Vector3::zeros(); harmonics];
-        for (coil, answers) in self.coils.iter().enumerate() {
-            let (part, factor) = match *played {
-                AssumedCoilSignals::Without(of) if of == coil => (coil, 0.0),
-                AssumedCoilSignals::Swapped([a, b]) if a == coil => (b, 1.0),
-                AssumedCoilSignals::Swapped([a, b]) if b == coil => (a, 1.0),
-                _ => (coil, 1.0),
-            };
-            for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(&self.drive.motors[part]) {
-                *sum += answer.phasor() * (counts.phasor() * factor);
+        for (answers, (of, share)) in self.coils.iter().zip(played) {
+            for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(&self.drive.motors[of]) {
+                *sum += answer.phasor() * (counts.phasor() * share);
             }
         }
         velocity
@@ -222,7 +209,7 @@ struct PulseJudge<'a> {
 
 impl<'a> PulseJudge<'a> {
     fn new(expected: &'a ExpectedMotion<'a>, read: TraceReading, sensors: &'a AccelerometerPair) -> Self {
-        let planned = expected.readings(read.variance.len(), &AssumedCoilSignals::Planned, sensors);
+        let planned = expected.readings(read.variance.len(), AS_PLANNED, sensors);
         let deviations = if expected.periods() < 2.0 { DEVIATIONS_ONE_PERIOD } else { DEVIATIONS };
         // the residual of a channel full of noise says nothing about the others
         let others = CHANNELS as f64 / (CHANNELS - 1) as f64;

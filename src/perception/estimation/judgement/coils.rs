@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::{AccelerometerPhasors, AssumedCoilSignals, MotionVerdict, PulseJudge, is_fault};
+use super::{AS_PLANNED, AccelerometerPhasors, MotionVerdict, PulseJudge, is_fault};
 use upm_core::signal::{CHANNELS, MOTORS};
 
 /// Plausible gains of an amplifier and its coil; a gain outside them is the error of something else, attributed to a
@@ -48,12 +48,16 @@ impl PulseJudge<'_> {
 
     /// The planned motion as the accelerometers feel it: the share of `coil`, and that of all others.
     fn split(&self, coil: usize) -> [AccelerometerPhasors; 2] {
-        let others = self.expected.readings(self.planned.len(), &AssumedCoilSignals::Without(coil), self.sensors);
+        let mut played = AS_PLANNED;
+        played[coil].1 = 0.0;
+        let others = self.expected.readings(self.planned.len(), played, self.sensors);
         [sum([(&self.planned, 1.0), (&others, -1.0)]), others]
     }
 
     pub(super) fn swap(&self, coils: [usize; 2]) -> (f64, MotionVerdict) {
-        let predicted = self.expected.readings(self.planned.len(), &AssumedCoilSignals::Swapped(coils), self.sensors);
+        let mut played = AS_PLANNED;
+        played.swap(coils[0], coils[1]);
+        let predicted = self.expected.readings(self.planned.len(), played, self.sensors);
         (self.score(&predicted), MotionVerdict::Swapped { coils })
     }
 }
