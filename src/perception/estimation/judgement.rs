@@ -222,35 +222,23 @@ impl<'a> PulseJudge<'a> {
         Self { expected, sensors, read, planned, noise, weights }
     }
 
+    /// The judgement, without a channel that is full of noise.
     fn judgement(&self) -> MotionJudgement {
-        if let Some((channel, _)) = self.read.noisy {
-            return self.judgement_without(channel);
-        }
-        let difference: f64 = self.planned.iter().zip(&self.read.accel_mps2).map(|(a, b)| distance(a, b)).sum();
-        let relative = (difference / energy(&self.planned)).sqrt();
-        let mismatch = Mismatch { relative, score: self.score(&self.planned) };
-        let (verdict, runner_up) = match mismatch.score {
-            score if score <= self.expected.limit && self.is_drowned() && is_strong(self.expected, &self.planned) => {
+        let without = self.read.noisy.map(|(channel, _)| channel);
+        let size: f64 = self.planned.iter().map(|of| distance(of, &Default::default(), without)).sum();
+        let rows = self.planned.iter().zip(&self.read.accel_mps2);
+        let difference: f64 = rows.map(|(a, b)| distance(a, b, without)).sum();
+        let mismatch = Mismatch { relative: (difference / size).sqrt(), score: self.score(&self.planned, without) };
+        let (verdict, runner_up) = match (without, mismatch.score <= self.expected.limit) {
+            (None, false) => self.explanation(),
+            (None, true) if self.is_drowned() && is_strong(self.expected, &self.planned) => {
                 (MotionVerdict::Unreadable { strong: true }, None)
             }
-            score if score <= self.expected.limit => (MotionVerdict::AsPlanned, None),
-            _ => self.explanation(),
+            (None, true) => (MotionVerdict::AsPlanned, None),
+            (Some(_), false) => (MotionVerdict::Other, None),
+            (Some(channel), true) => (MotionVerdict::Channel { channel, kind: ChannelFault::Erratic }, None),
         };
         MotionJudgement { mismatch: Some(mismatch), verdict, runner_up }
-    }
-
-    /// The judgement without `channel`, which is full of noise.
-    fn judgement_without(&self, channel: usize) -> MotionJudgement {
-        let size = energy(&self.planned) - self.planned.iter().map(|of| of[channel].norm_sqr()).sum::<f64>();
-        let apart = |(a, b): (&[Complex<f64>; CHANNELS], &[Complex<f64>; CHANNELS])| {
-            distance(a, b) - (a[channel] - b[channel]).norm_sqr()
-        };
-        let difference: f64 = self.planned.iter().zip(&self.read.accel_mps2).map(apart).sum();
-        let score = self.score_without(channel);
-        let mismatch = Mismatch { relative: (difference / size).sqrt(), score };
-        let erratic = MotionVerdict::Channel { channel, kind: ChannelFault::Erratic };
-        let verdict = if score <= self.expected.limit { erratic } else { MotionVerdict::Other };
-        MotionJudgement { mismatch: Some(mismatch), verdict, runner_up: None }
     }
 
     /// The best explanation, if one is accepted, and its runner-up.
@@ -268,7 +256,7 @@ impl<'a> PulseJudge<'a> {
             let odds = libm::exp(0.5 * coefficients * (other * other - best * best));
             return (verdict, other.is_finite().then_some(RunnerUp { verdict: runner_up, odds }));
         }
-        let erratic = (0..CHANNELS).map(|channel| (self.score_without(channel), channel));
+        let erratic = (0..CHANNELS).map(|channel| (self.score(&self.planned, Some(channel)), channel));
         let verdict = match erratic.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
             Some((score, channel)) if score <= self.expected.limit => {
                 MotionVerdict::Channel { channel, kind: ChannelFault::Erratic }
@@ -306,24 +294,19 @@ impl<'a> PulseJudge<'a> {
             shown[channel] *= gain;
             shown
         });
-        let score = if is_fault(gain) { self.score(&shown.collect()) } else { f64::INFINITY };
+        let score = if is_fault(gain) { self.score(&shown.collect(), None) } else { f64::INFINITY };
         (score, MotionVerdict::Channel { channel, kind: ChannelFault::Gain(gain) })
     }
 
-    /// Deviation of the reading from `predicted` in tolerances, root mean square. The response's error grows with the
-    /// motion: a coil that gives more than planned, or the other way, may move the plate farther than planned.
-    fn score(&self, predicted: &AccelerometerPhasors) -> f64 {
+    /// Deviation of the reading from `predicted` in tolerances, root mean square over all channels or those `without`
+    /// one. The response's error grows with the motion: a coil that gives more than planned, or the other way, may move
+    /// the plate farther than planned.
+    fn score(&self, predicted: &AccelerometerPhasors, without: Option<usize>) -> f64 {
         let response = response_variance(predicted).max(response_variance(&self.planned));
         let rows = predicted.iter().zip(&self.read.accel_mps2).zip(&self.noise);
-        let sum: f64 = rows.map(|((a, b), noise)| distance(a, b) / (noise + response)).sum();
-        (sum / (2 * CHANNELS * self.noise.len()) as f64).sqrt()
-    }
-
-    /// Score of the plan by the three other channels.
-    fn score_without(&self, channel: usize) -> f64 {
-        let rows = self.planned.iter().zip(&self.read.accel_mps2).zip(&self.weights);
-        let others = rows.map(|((a, b), weight)| weight * (distance(a, b) - (a[channel] - b[channel]).norm_sqr()));
-        (others.sum::<f64>() / (2 * (CHANNELS - 1) * self.weights.len()) as f64).sqrt()
+        let sum: f64 = rows.map(|((a, b), noise)| distance(a, b, without) / (noise + response)).sum();
+        let channels = CHANNELS - usize::from(without.is_some());
+        (sum / (2 * channels * self.noise.len()) as f64).sqrt()
     }
 
     /// Weighted inner product over `channels`.
@@ -349,8 +332,10 @@ fn energy(accelerometer_phasors: &AccelerometerPhasors) -> f64 {
     accelerometer_phasors.iter().flatten().map(Complex::norm_sqr).sum()
 }
 
-fn distance(a: &[Complex<f64>; CHANNELS], b: &[Complex<f64>; CHANNELS]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).norm_sqr()).sum()
+/// Square of the difference in all channels or those `without` one.
+fn distance(a: &[Complex<f64>; CHANNELS], b: &[Complex<f64>; CHANNELS], without: Option<usize>) -> f64 {
+    let channels = (0..CHANNELS).filter(|channel| Some(*channel) != without);
+    channels.map(|channel| (a[channel] - b[channel]).norm_sqr()).sum()
 }
 
 #[cfg(test)]

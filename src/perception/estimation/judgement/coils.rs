@@ -22,7 +22,7 @@ impl PulseJudge<'_> {
         let along = |accelerometer_phasors: &AccelerometerPhasors| self.dot(&share, accelerometer_phasors, 0..CHANNELS);
         let gain = (along(&self.read.accel_mps2) - along(&others)) / information;
         let is_plausible = is_fault(gain) && COIL_GAINS.contains(&gain);
-        let score = if is_plausible { self.score(&sum([(&share, gain), (&others, 1.0)])) } else { f64::INFINITY };
+        let score = if is_plausible { self.score(&sum([(&share, gain), (&others, 1.0)]), None) } else { f64::INFINITY };
         (score, MotionVerdict::Coil { coil, gain, gain_sd: information.recip().sqrt() })
     }
 
@@ -42,7 +42,7 @@ impl PulseJudge<'_> {
         let [gain, shared]: [f64; 2] = (inverse * seen).into();
         let is_plausible = COIL_GAINS.contains(&gain) && BEARABLE_GAINS.contains(&shared) && is_fault(gain / shared);
         let [own, others] = &parts;
-        let score = if is_plausible { self.score(&sum([(own, gain), (others, shared)])) } else { f64::INFINITY };
+        let score = if is_plausible { self.score(&sum([(own, gain), (others, shared)]), None) } else { f64::INFINITY };
         (score, MotionVerdict::Coil { coil, gain, gain_sd: inverse.m11.sqrt() })
     }
 
@@ -58,7 +58,7 @@ impl PulseJudge<'_> {
         let mut played = AS_PLANNED;
         played.swap(coils[0], coils[1]);
         let predicted = self.expected.readings(self.planned.len(), played, self.sensors);
-        (self.score(&predicted), MotionVerdict::Swapped { coils })
+        (self.score(&predicted, None), MotionVerdict::Swapped { coils })
     }
 }
 
