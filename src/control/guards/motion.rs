@@ -146,7 +146,7 @@ impl MotionGuard {
                 let reason = format!("{} {shows}: pulses are watched by the camera alone", name_of(verdict));
                 found(Found::about(Finding::AccelerometerFault, channel), reason, false)
             }
-            MotionVerdict::Coil { coil, gain, .. } => {
+            MotionVerdict::Coil { coil, gain } => {
                 let name = name_of(verdict);
                 let reason =
                     format!("{name} gives {gain:.2} of its force; the plate moved {percent:.0} % off the plan");
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn each_verdict_is_ignored_reported_or_ends_the_run() {
-        let coil = |gain| MotionVerdict::Coil { coil: 0, gain, gain_sd: 0.02 };
+        let coil = |gain| MotionVerdict::Coil { coil: 0, gain };
         let channel = MotionVerdict::Channel { channel: 2, kind: ChannelFault::Gain(0.0) };
         let unread = |strong| MotionVerdict::Unreadable { strong };
         assert_eq!(ends(MotionVerdict::AsPlanned, 0.01, None), None);

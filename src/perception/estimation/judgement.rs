@@ -106,8 +106,6 @@ pub enum MotionVerdict {
         coil: usize,
         /// Its force over the planned one: 0 for a dead coil, -1 for a reversed one.
         gain: f64,
-        /// Standard deviation of `gain`, the allowed errors included.
-        gain_sd: f64,
     },
     /// Two coils are exchanged: each plays the other's signal.
     Swapped {

@@ -18,12 +18,11 @@ impl PulseJudge<'_> {
     /// Score and verdict for the gain of `coil` that fits the reading best.
     pub(super) fn coil(&self, coil: usize) -> (f64, MotionVerdict) {
         let [share, others] = self.split(coil);
-        let information = self.dot(&share, &share, 0..CHANNELS);
         let along = |accelerometer_phasors: &AccelerometerPhasors| self.dot(&share, accelerometer_phasors, 0..CHANNELS);
-        let gain = (along(&self.read.accel_mps2) - along(&others)) / information;
+        let gain = (along(&self.read.accel_mps2) - along(&others)) / along(&share);
         let is_plausible = is_fault(gain) && COIL_GAINS.contains(&gain);
         let score = if is_plausible { self.score(&sum([(&share, gain), (&others, 1.0)]), None) } else { f64::INFINITY };
-        (score, MotionVerdict::Coil { coil, gain, gain_sd: information.recip().sqrt() })
+        (score, MotionVerdict::Coil { coil, gain })
     }
 
     /// The verdict for one coil with one gain while the other three share another, as under a sagging supply.
@@ -43,7 +42,7 @@ impl PulseJudge<'_> {
         let is_plausible = COIL_GAINS.contains(&gain) && BEARABLE_GAINS.contains(&shared) && is_fault(gain / shared);
         let [own, others] = &parts;
         let score = if is_plausible { self.score(&sum([(own, gain), (others, shared)]), None) } else { f64::INFINITY };
-        (score, MotionVerdict::Coil { coil, gain, gain_sd: inverse.m11.sqrt() })
+        (score, MotionVerdict::Coil { coil, gain })
     }
 
     /// The planned motion as the accelerometers feel it: the share of `coil`, and that of all others.

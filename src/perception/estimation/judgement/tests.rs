@@ -178,11 +178,11 @@ proptest! {
         ],
     ) {
         let judgement = weak(coil, gain).judged(&strong_field(seed, periods), seed);
-        let MotionVerdict::Coil { coil: found, gain: read, gain_sd } = judgement.verdict else {
+        let MotionVerdict::Coil { coil: found, gain: read } = judgement.verdict else {
             return Err(TestCaseError::fail(format!("{judgement:?}")));
         };
         prop_assert_eq!(found, coil);
-        prop_assert!((read - gain).abs() < 0.02 && gain_sd < 0.1, "{} of {}, sd {}", read, gain, gain_sd);
+        prop_assert!((read - gain).abs() < 0.02, "{} of {}", read, gain);
     }
 
     #[test]
@@ -192,7 +192,7 @@ proptest! {
         let mut plate = weak(coil, gain);
         (0..MOTORS).filter(|&of| of != coil).for_each(|of| plate.coil_gain[of] = shared);
         let judgement = plate.judged(&strong_field(seed, 3.0), seed);
-        let MotionVerdict::Coil { coil: found, gain: read, .. } = judgement.verdict else {
+        let MotionVerdict::Coil { coil: found, gain: read } = judgement.verdict else {
             return Err(TestCaseError::fail(format!("{judgement:?}")));
         };
         prop_assert!(found == coil && (read - gain).abs() < 0.03, "{:?} of {}, {}", judgement.verdict, coil, gain);
@@ -203,7 +203,7 @@ proptest! {
         let judgement = weak(coil, gain).judged(&strong_rotation(), seed);
         let odds = judgement.runner_up.map(|runner_up| runner_up.odds);
         prop_assert!(odds.is_none_or(|odds| odds > 100.0), "{:?}", judgement);
-        let MotionVerdict::Coil { coil: found, gain: read, .. } = judgement.verdict else {
+        let MotionVerdict::Coil { coil: found, gain: read } = judgement.verdict else {
             return Err(TestCaseError::fail(format!("{judgement:?}")));
         };
         prop_assert!(found == coil && (read - gain).abs() < 0.02, "{:?} of {}, {}", judgement.verdict, coil, gain);
