@@ -134,55 +134,49 @@ impl MotionGuard {
         let is_hidden = self.knows_fault && went.is_none() && swing != SwingVerdict::Otherwise;
         self.knows_fault |= matches!(verdict, MotionVerdict::Channel { .. } | MotionVerdict::Channels);
         self.doubts_sensors |= self.knows_fault;
-        let found = |found: Found, reason: String, ends| Some(MotionFinding { found, reason: reason.into(), ends });
         let percent = 100.0 * off;
-        match verdict {
-            MotionVerdict::AsPlanned | MotionVerdict::Unreadable { strong: false } => None,
+        let (found, reason, ends) = match verdict {
+            MotionVerdict::AsPlanned | MotionVerdict::Unreadable { strong: false } => return None,
             MotionVerdict::Channel { channel, kind } => {
                 let shows = match kind {
                     ChannelFault::Gain(gain) => format!("shows {gain:.2} of the motion"),
                     ChannelFault::Erratic => "does not agree with the other three".to_owned(),
                 };
                 let reason = format!("{} {shows}: pulses are watched by the camera alone", name_of(verdict));
-                found(Found::about(Finding::AccelerometerFault, channel), reason, false)
+                (Found::about(Finding::AccelerometerFault, channel), reason, false)
             }
             MotionVerdict::Coil { coil, gain } => {
                 let name = name_of(verdict);
                 let reason =
                     format!("{name} gives {gain:.2} of its force; the plate moved {percent:.0} % off the plan");
-                found(Found::about(Finding::CoilFault, coil), reason, !BEARABLE_GAINS.contains(&gain))
+                (Found::about(Finding::CoilFault, coil), reason, !BEARABLE_GAINS.contains(&gain))
             }
             MotionVerdict::Swapped { coils: [coil, _] } => {
-                found(Found::about(Finding::CoilFault, coil), name_of(verdict), true)
+                (Found::about(Finding::CoilFault, coil), name_of(verdict), true)
             }
             MotionVerdict::Channels => {
                 let reason = "the accelerometers show what no motion of a plate shows".to_owned();
-                found(Finding::AccelerometerFault.into(), reason, false)
+                (Finding::AccelerometerFault.into(), reason, false)
             }
             MotionVerdict::Other if is_sensors && off > FAR_OFF => {
                 (self.doubts_sensors, self.contradicted) = (true, true);
                 let reason =
                     format!("the accelerometers read a motion {percent:.0} % off the plan, the parts went as forecast");
-                found(Finding::AccelerometerFault.into(), reason, false)
+                (Finding::AccelerometerFault.into(), reason, false)
             }
             MotionVerdict::Other => {
-                let reason = format!("the plate moved {percent:.0} % off the plan");
-                found(Finding::MotionOff.into(), reason, off > FAR_OFF)
+                (Finding::MotionOff.into(), format!("the plate moved {percent:.0} % off the plan"), off > FAR_OFF)
             }
-            MotionVerdict::Unreadable { strong: true } if saw_it_go || shows_drive || is_sensors => {
-                let reason = "the accelerometer trace is unreadable, although the camera saw the plate move".to_owned();
-                found(Finding::AccelerometerFault.into(), reason, false)
+            MotionVerdict::Unreadable { strong: true } if saw_it_go || shows_drive || is_sensors || is_hidden => {
+                let reason = "the accelerometer trace is unreadable, and the camera shows nothing wrong".to_owned();
+                (Finding::AccelerometerFault.into(), reason, false)
             }
-            MotionVerdict::Unreadable { strong: true } if is_hidden => {
-                let reason = "the accelerometer trace of a small pulse is unreadable".to_owned();
-                found(Finding::AccelerometerFault.into(), reason, false)
+            MotionVerdict::Unreadable { strong: true } => {
+                let reason = "the accelerometer trace of the plate's motion is unreadable".to_owned();
+                (Finding::MotionOff.into(), reason, true)
             }
-            MotionVerdict::Unreadable { strong: true } => found(
-                Finding::MotionOff.into(),
-                "the accelerometer trace of the plate's motion is unreadable".to_owned(),
-                true,
-            ),
-        }
+        };
+        Some(MotionFinding { found, reason: reason.into(), ends })
     }
 }
 
