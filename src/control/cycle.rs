@@ -145,7 +145,7 @@ impl ControlCycle<'_, '_> {
     fn evidence(&self) -> Evidence {
         let Limits { motion: motion_limit, late: late_limit, steps: steps_limit } = self.limits;
         let ((pulses, motion), [steps, steps_missed]) = (self.motion.read, self.steps.compared);
-        let late = self.perception.delay.most();
+        let late = self.perception.delay.most;
         Evidence { pulses, motion, motion_limit, late, late_limit, steps, steps_missed, steps_limit }
     }
 

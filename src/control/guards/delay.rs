@@ -30,8 +30,8 @@ const OTHERWISE: f64 = 0.25;
 pub struct DelayGuard {
     frame_s: f64,
     limit: f64,
-    /// Most evidence so far.
-    most: f64,
+    /// Most evidence so far for any delay, or for another motion than the drive's.
+    pub most: f64,
     /// The last frames, oldest first; frames that never arrived keep their place.
     frames: VecDeque<CornerDisplacement>,
     /// Number of the newest frame.
@@ -169,11 +169,6 @@ impl DelayGuard {
             share if share > OTHERWISE => SwingVerdict::Otherwise,
             _ => SwingVerdict::Unclear,
         }
-    }
-
-    /// Most evidence so far for any delay, or for another motion than the drive's.
-    pub fn most(&self) -> f64 {
-        self.most
     }
 
     /// Ends a pulse. Returns the delay of the frames once it is certain.
