@@ -14,6 +14,10 @@ const LAYOUT_MS = 300;
 /** A plate that is less behind real time than this is not reported as behind, s. */
 const LEAST_BEHIND_S = 0.1;
 
+/** Largest odds that the daemon tells; higher ones are told as these. */
+const MOST_ODDS = 1000;
+
+const doubt = ({ odds, what }) => ` (${odds < MOST_ODDS ? '' : 'more than '}${odds}:1 over ${what})`;
 const counted = (count, one, more) => `${count} ${count === 1 ? one : more}`;
 
 export class PlateCard {
@@ -102,9 +106,10 @@ export class PlateCard {
     if (this.findings.dataset.shown === text) return;
     this.findings.dataset.shown = text;
     show(this.findings, findings.length > 0);
-    const line = ({ reason, remedy: todo }) => el('li', {}, el('strong', {}, reason), ' ', el('span', {}, todo));
+    const cause = ({ reason, runner_up: other }) => `${reason}${other ? doubt(other) : ''}`;
+    const line = (found) => el('li', {}, el('strong', {}, cause(found)), ' ', el('span', {}, found.remedy));
     this.findings.replaceChildren(...findings.map(line));
-    if (findings.length) announce(`${this.name}: ${findings.at(-1).reason}`);
+    if (findings.length) announce(`${this.name}: ${cause(findings.at(-1))}`);
   }
 
   /** The job that runs whenever nothing is queued. A run of it has no end to be measured against. */

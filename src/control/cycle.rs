@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::findings::Findings;
-use super::found::{Found, finding_of_plan, no_plan_reason};
+use super::found::{Found, Reason, finding_of_plan, no_plan_reason};
 use super::guards::{CoilResponses, Limits, MotionGuard, StepGuard};
 use super::params::ControlParams;
 use super::perception::{FramePurpose, Perception};
@@ -145,7 +145,7 @@ impl ControlCycle<'_, '_> {
     fn evidence(&self) -> Evidence {
         let Limits { motion: motion_limit, late: late_limit, steps: steps_limit } = self.limits;
         let ((pulses, motion), [steps, steps_missed]) = (self.motion.read, self.steps.compared);
-        let late = self.perception.delay.most();
+        let late = self.perception.delay.most;
         Evidence { pulses, motion, motion_limit, late, late_limit, steps, steps_missed, steps_limit }
     }
 
@@ -277,12 +277,12 @@ impl ControlCycle<'_, '_> {
         }
     }
 
-    fn warn(&mut self, found: impl Into<Found>, reason: String) {
+    fn warn(&mut self, found: impl Into<Found>, reason: impl Into<Reason>) {
         self.findings.note(self.io.rig.now(), found, || reason, self.io.sink);
     }
 
     /// The end of the run that a finding causes.
-    fn end_by(&mut self, found: impl Into<Found>, reason: String) -> RunEnd {
+    fn end_by(&mut self, found: impl Into<Found>, reason: impl Into<Reason>) -> RunEnd {
         self.findings.end_by(self.io.rig.now(), found, reason, self.io.sink)
     }
 

@@ -1,4 +1,4 @@
-use super::found::{FindingChange, Found};
+use super::found::{FindingChange, Found, Reason};
 use upm_core::geometry::Vec2;
 use upm_core::job::{EventLevel, Outcome, StopCause};
 use upm_core::signal::{AccelTrace, Drive, Frame};
@@ -135,8 +135,8 @@ pub enum EventKind {
         found: Found,
         /// Begin or end.
         change: FindingChange,
-        /// The reason alone, for people.
-        reason: String,
+        /// The reason alone.
+        reason: Reason,
     },
     /// The run ended. A stopped run may have a second such event, with the cause of the stop.
     RunEnded {

@@ -1,7 +1,7 @@
 //! Lasting findings: each is reported once when it begins and once when it ends, with the number of cycles in which
 //! it held.
 
-use super::found::{FindingChange, Found};
+use super::found::{FindingChange, Found, Reason};
 use super::run_end::RunEnd;
 use super::{EventFacts, EventKind, EventLevel, Sink};
 use upm_core::job::{Effect, Finding};
@@ -24,7 +24,7 @@ pub(super) struct Findings {
 struct Active {
     found: Found,
     /// The reason reported at its beginning, without the remedy.
-    reason: String,
+    reason: Reason,
     began_at: PlateTime,
     last_at: PlateTime,
     last_cycle: u64,
@@ -48,11 +48,11 @@ impl Findings {
 
     /// Notes that `found` holds in the present cycle. If it has just begun, reports it to `sink` with `reason` and
     /// its remedy.
-    pub fn note(
+    pub fn note<R: Into<Reason>>(
         &mut self,
         at: PlateTime,
         found: impl Into<Found>,
-        reason: impl FnOnce() -> String,
+        reason: impl FnOnce() -> R,
         sink: &mut dyn Sink,
     ) {
         let found = found.into();
@@ -61,7 +61,7 @@ impl Findings {
             Some(active) if active.last_cycle == cycle => active.last_at = at,
             Some(active) => (active.last_at, active.last_cycle, active.times) = (at, cycle, active.times + 1),
             None => {
-                let reason = reason();
+                let reason: Reason = reason().into();
                 let text = format!("{reason}; {}", found.finding.check());
                 let kind = EventKind::Finding { found, change: FindingChange::Began, reason: reason.clone() };
                 sink.event(&EventFacts { at, level: EventLevel::Warning, text, kind });
@@ -71,8 +71,14 @@ impl Findings {
     }
 
     /// Notes `finding`, and gives the end of the run that it causes.
-    pub fn end_by(&mut self, at: PlateTime, found: impl Into<Found>, reason: String, sink: &mut dyn Sink) -> RunEnd {
-        let found = found.into();
+    pub fn end_by(
+        &mut self,
+        at: PlateTime,
+        found: impl Into<Found>,
+        reason: impl Into<Reason>,
+        sink: &mut dyn Sink,
+    ) -> RunEnd {
+        let (found, reason) = (found.into(), reason.into());
         self.note(at, found, || reason.clone(), sink);
         RunEnd::failed_because(found.finding, reason)
     }
@@ -151,7 +157,7 @@ mod tests {
         let (mut findings, mut recorded) = (Findings::default(), RecordedChanges::default());
         let at = |tenths: u32| PlateTime::from_secs(0.1 * f64::from(tenths));
         for tenths in 0..=20 {
-            findings.note(at(tenths), Finding::ViewHidden, || "hidden".into(), &mut recorded);
+            findings.note(at(tenths), Finding::ViewHidden, || "hidden".to_owned(), &mut recorded);
         }
         findings.end_cycle(at(22), &mut recorded);
         assert_eq!(recorded.0.len(), 1, "it may come back");

@@ -1,4 +1,6 @@
-use upm_core::job::Finding;
+use std::fmt;
+
+use upm_core::job::{Finding, RunnerUp};
 use upm_planning::planner::{Limit, PlanStatus, PlanningMethod};
 
 /// A finding of a run that may last over many cycles, and what it is about.
@@ -20,6 +22,28 @@ impl Found {
 impl From<Finding> for Found {
     fn from(finding: Finding) -> Self {
         Self { finding, about: None }
+    }
+}
+
+/// Why a finding holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reason {
+    /// The reason for people.
+    pub text: String,
+    /// The next best explanation; `None` where no other was weighed.
+    pub runner_up: Option<RunnerUp>,
+}
+
+impl From<String> for Reason {
+    fn from(text: String) -> Self {
+        Self { text, runner_up: None }
+    }
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)?;
+        self.runner_up.as_ref().map_or(Ok(()), |runner_up| write!(f, " ({runner_up})"))
     }
 }
 

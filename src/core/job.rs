@@ -11,7 +11,7 @@ use crate::coded_enum;
 use crate::geometry::Vec2;
 use crate::units::{mm, mm_point, mm_points};
 
-pub use evidence::Evidence;
+pub use evidence::{Evidence, RunnerUp};
 pub use finding::{Effect, Finding};
 pub use stop_cause::{StopCause, StopRequest};
 

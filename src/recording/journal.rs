@@ -135,16 +135,17 @@ impl<W: Write> Sink for Journal<W> {
     }
 
     fn event(&mut self, event: &EventFacts) {
-        let detail = match event.kind {
+        let detail = match &event.kind {
             EventKind::Note => None,
-            EventKind::Finding { found, change, .. } => {
-                let (change, times) = match change {
+            EventKind::Finding { found, change, reason } => {
+                let (change, times) = match *change {
                     FindingChange::Began => ("began", None),
                     FindingChange::Ended { times, .. } => ("ended", Some(times)),
                 };
-                Some(DetailPart::Finding { code: found.finding.code(), change, times })
+                let (code, runner_up) = (found.finding.code(), reason.runner_up.as_ref());
+                Some(DetailPart::Finding { code, change, times, runner_up })
             }
-            EventKind::RunEnded { outcome, cause } => Some(DetailPart::RunEnded { outcome, code: cause }),
+            EventKind::RunEnded { outcome, cause } => Some(DetailPart::RunEnded { outcome: *outcome, code: *cause }),
             EventKind::RecordingEnded => Some(DetailPart::RecordingEnded { code: RECORDING_FAILED }),
         };
         self.put(&JournalLine::Event { at_s: seconds(event.at), level: event.level, text: &event.text, detail });
@@ -156,8 +157,8 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use upm_control::{EventLevel, Found};
-    use upm_core::job::Finding;
+    use upm_control::{EventLevel, Found, Reason};
+    use upm_core::job::{Finding, RunnerUp};
     use upm_core::time::PlateTime;
     use upm_fixtures::{rig, synthetic_run};
 
@@ -215,8 +216,10 @@ mod tests {
         let text = written(|journal| {
             let found = Found { finding: Finding::PartSlow, about: Some(1) };
             let (at, reason) = (PlateTime::from_secs(2.0), "slow");
+            let runner_up = Some(RunnerUp { what: "accelerometer channel y2".into(), odds: 20 });
             let event = |change, text: &str| {
-                let kind = EventKind::Finding { found, change, reason: reason.to_owned() };
+                let reason = Reason { text: reason.to_owned(), runner_up: runner_up.clone() };
+                let kind = EventKind::Finding { found, change, reason };
                 EventFacts { kind, ..EventFacts::note(at, EventLevel::Warning, text) }
             };
             journal.event(&event(FindingChange::Began, "slow"));
@@ -225,10 +228,11 @@ mod tests {
         let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         let began = json!({
             "type": "event", "at_s": 2.0, "level": "warning", "text": "slow", "code": "part_slow", "change": "began",
+            "runner_up": {"what": "accelerometer channel y2", "odds": 20},
         });
         let ended = json!({
             "type": "event", "at_s": 2.0, "level": "warning", "text": "no longer", "code": "part_slow",
-            "change": "ended", "times": 3,
+            "change": "ended", "times": 3, "runner_up": {"what": "accelerometer channel y2", "odds": 20},
         });
         assert_eq!(lines, [began, ended]);
     }

@@ -6,7 +6,7 @@ use super::lengths::{mm, point_mm};
 use super::timings::TimingsReport;
 use upm_core::document::schema_of;
 use upm_core::geometry::Vec2;
-use upm_core::job::{CameraMode, Evidence, Outcome, StopCause};
+use upm_core::job::{CameraMode, Evidence, Outcome, RunnerUp, StopCause};
 
 /// `report.json`. Lengths in mm, to 1e-4.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -152,6 +152,9 @@ pub struct GuardReport {
     pub at_s: f64,
     /// The finding and what to check.
     pub text: String,
+    /// The explanation that the senses can tell least from it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub runner_up: Option<RunnerUp>,
 }
 
 /// One fault of the simulated rig.

@@ -109,10 +109,10 @@ impl Sink for RunStats {
     }
 
     fn event(&mut self, event: &EventFacts) {
-        let EventKind::Finding { found, change: FindingChange::Began, .. } = event.kind else { return };
+        let EventKind::Finding { found, change: FindingChange::Began, reason } = &event.kind else { return };
         if found.finding.effect() != Effect::GoesOn && self.guards.len() < MOST_GUARDS {
-            let code = found.finding.code().to_owned();
-            self.guards.push(GuardReport { code, at_s: rounded(event.at.secs()), text: event.text.clone() });
+            let (code, at_s) = (found.finding.code().to_owned(), rounded(event.at.secs()));
+            self.guards.push(GuardReport { code, at_s, text: event.text.clone(), runner_up: reason.runner_up.clone() });
         }
     }
 

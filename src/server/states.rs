@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use upm_core::coded_enum;
-use upm_core::job::{Outcome, StopCause, StopRequest};
+use upm_core::job::{Outcome, RunnerUp, StopCause, StopRequest};
 
 coded_enum! {
     /// Stage of a job between submission and end; all but `queued` and `running` are final.
@@ -147,6 +147,9 @@ pub struct PlateFinding {
     pub reason: String,
     /// The operator's checks or changes.
     pub remedy: String,
+    /// The explanation that the senses can tell least from it; left out where no other was weighed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub runner_up: Option<RunnerUp>,
 }
 
 #[cfg(test)]

@@ -2,11 +2,12 @@ use std::collections::VecDeque;
 
 use upm_core::geometry::{Twist, Vec2, perp};
 use upm_core::signal::{Envelope, TwistWave};
+use upm_perception::estimation::BEARABLE_GAINS;
 
 /// Longest delay considered, frames.
 const LONGEST: usize = 30;
 /// Delay from which on pictures are late, frames: exposure and transfer take up to one.
-const LATE: usize = 2;
+pub(super) const LATE: usize = 2;
 /// Largest number of frames judged in a pulse: the longest pulse has fewer.
 const WINDOW: usize = 64;
 /// Larger displacements are clamped to this, px: the sides are followed no farther.
@@ -15,12 +16,8 @@ const FARTHEST_PX: f64 = 6.0;
 const NOISE_PX: f64 = 0.05;
 /// Standard deviation of the swing that calibration predicts, as a share of its root mean square, until a run shows it.
 const MODEL_ERROR: f64 = 0.1;
-/// Gains of the swing that count as planned: a weak coil changes its height, not its time.
-const GAINS: (f64, f64) = (0.6, 1.7);
 /// Log-likelihood ratio of one pulse that casts doubt: one in a hundred.
 const DOUBTFUL: f64 = 4.6;
-/// Least planned swing that shows its height, root of the sum of squares, px.
-const LEAST_SWING_PX: f64 = 0.6;
 /// Largest residual, as a share of the squares, of frames that show the planned swing: a swing larger by a fifth leaves
 /// this much.
 const AS_DRIVEN: f64 = 0.04;
@@ -33,8 +30,8 @@ const OTHERWISE: f64 = 0.25;
 pub struct DelayGuard {
     frame_s: f64,
     limit: f64,
-    /// Most evidence so far.
-    most: f64,
+    /// Most evidence so far for any delay, or for another motion than the drive's.
+    pub most: f64,
     /// The last frames, oldest first; frames that never arrived keep their place.
     frames: VecDeque<CornerDisplacement>,
     /// Number of the newest frame.
@@ -150,7 +147,7 @@ impl DelayGuard {
     }
 
     /// Expected displacement of the plate's corners at `at_s` of plate time, px.
-    pub fn expected_px(&self, at_s: f64) -> f64 {
+    fn expected_px(&self, at_s: f64) -> f64 {
         let pulse = self.pulses.iter().rev().find(|(begin_s, _)| *begin_s <= at_s);
         pulse.map_or(0.0, |(begin_s, swing)| swing.corner_px(at_s - begin_s))
     }
@@ -167,16 +164,11 @@ impl DelayGuard {
         let expected: f64 = counted().map(|(_, _, expected)| expected * expected).sum();
         let left: f64 = counted().map(|(_, seen, expected)| (seen - expected).powi(2)).sum();
         match left / expected {
-            _ if expected <= LEAST_SWING_PX * LEAST_SWING_PX => SwingVerdict::Unclear,
+            _ if !shows_height(expected, counted().count()) => SwingVerdict::Unclear,
             share if share < AS_DRIVEN => SwingVerdict::AsDriven,
             share if share > OTHERWISE => SwingVerdict::Otherwise,
             _ => SwingVerdict::Unclear,
         }
-    }
-
-    /// Most evidence so far for any delay, or for another motion than the drive's.
-    pub fn most(&self) -> f64 {
-        self.most
     }
 
     /// Ends a pulse. Returns the delay of the frames once it is certain.
@@ -188,7 +180,7 @@ impl DelayGuard {
         let swing_px2 = self.seen().map(|(i, ..)| self.expected(i, 0).powi(2)).sum();
         let of_rest = in_time.evidence_for(self.residual(|_| 0.0), self.usual_px2(), swing_px2);
         self.unseen = (self.unseen + of_rest).max(0.0);
-        if swing_px2 > LEAST_SWING_PX * LEAST_SWING_PX {
+        if shows_height(swing_px2, self.seen().count()) {
             let late = (LATE..=LONGEST).map(|delay| self.left(delay as isize).px2);
             let best_px2 = late.fold(in_time.px2, f64::min);
             let (sum, pulses) = self.unexplained;
@@ -258,10 +250,18 @@ impl DelayGuard {
             product += seen * expected;
             expected_sq += expected * expected;
         }
-        let gain = (product / f64::max(expected_sq, f64::MIN_POSITIVE)).clamp(GAINS.0, GAINS.1);
+        // a weak coil changes the swing's height, not its time
+        let (least, most) = (*BEARABLE_GAINS.start(), *BEARABLE_GAINS.end());
+        let gain = (product / f64::max(expected_sq, f64::MIN_POSITIVE)).clamp(least, most);
         let left = (seen_sq - 2.0 * gain * product + gain * gain * expected_sq).max(0.0);
         Residual { count, px2: left }
     }
+}
+
+/// True for a swing whose height this number of frames shows: noise alone leaves less of its squares than a swing as
+/// planned may.
+fn shows_height(swing_px2: f64, frames: usize) -> bool {
+    frames as f64 * NOISE_PX * NOISE_PX < AS_DRIVEN * swing_px2
 }
 
 impl PlateSwing {

@@ -1,3 +1,4 @@
+use super::delay::LATE;
 use upm_core::signal::{Frame, MeasuredPositions};
 use upm_core::time::PlateTime;
 
@@ -5,20 +6,8 @@ use upm_core::time::PlateTime;
 const BANDS: usize = 4;
 /// One row in this many is hashed.
 const ROW_STEP: usize = 8;
-/// Number of hashes computed side by side.
-const LANES: usize = 4;
 /// Number of pictures remembered: a camera may repeat the same few in turn.
 const REMEMBERED: usize = 8;
-/// Share of a row's pixels above which a difference between two frames is noise: a moving plate changes the pixels
-/// along its sides only.
-const NOISY_SHARE: f64 = 0.2;
-/// Largest age of a time stamp, frames.
-const OLDEST_FRAMES: f64 = 3.0;
-
-/// Number of frames in a row, after the first, that show the plate at exactly the same place.
-const STILL_FRAMES: u32 = 3;
-/// Difference between the displacements the plate should have in them, px.
-const SWING_PX: f64 = 0.3;
 
 /// Reason for which a frame is unusable.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,7 +56,9 @@ impl Freshness {
         let before = self.last.replace((frame.index, frame.exposed_at));
         let older_s = now - frame.exposed_at;
         let is_next = before.is_none_or(|(index, at)| frame.index > index && frame.exposed_at > at);
-        let in_time = (-self.frame_s..=OLDEST_FRAMES * self.frame_s + self.exposure_s).contains(&older_s);
+        // the transfer of a picture that is not late yet, and the frame in which it is taken
+        let oldest_s = (LATE + 1) as f64 * self.frame_s + self.exposure_s;
+        let in_time = (-self.frame_s..=oldest_s).contains(&older_s);
         let repeated = match &frame.positions {
             Some(positions) => {
                 // noise makes all positions unique
@@ -97,7 +88,8 @@ impl Freshness {
                 let middle = frame.pixels.get(y * frame.width..(y + 1) * frame.width).unwrap_or_default();
                 let before = std::mem::replace(&mut self.middle[band], middle.to_vec());
                 let differing = middle.iter().zip(&before).filter(|(pixel, before)| pixel != before).count();
-                self.noisy[band] = differing as f64 > NOISY_SHARE * middle.len() as f64;
+                // noise differs in most pixels, a moving plate along its sides only
+                self.noisy[band] = 2 * differing > middle.len();
             }
             self.changed |= seen.last().is_some_and(|last| *last != hash);
             repeated |= self.frames > 1 && self.noisy[band] && hash.is_some() && seen.contains(&hash);
@@ -113,52 +105,20 @@ impl Freshness {
 
 /// Hash of some of the `rows`; `None` where all their pixels are equal: black or white shows no noise.
 fn hash(frame: &Frame, rows: std::ops::Range<usize>) -> Option<u64> {
-    // lanes are independent, so that their products overlap
-    let mut lanes = [0xcbf2_9ce4_8422_2325u64; LANES];
     let first = frame.pixels.get(rows.start * frame.width)?;
-    let mut is_uniform = true;
+    let (mut hash, mut is_uniform) = (0xcbf2_9ce4_8422_2325, true);
     for y in rows.step_by(ROW_STEP) {
         let row = frame.pixels.get(y * frame.width..(y + 1) * frame.width)?;
         is_uniform = is_uniform && row.iter().all(|pixel| pixel == first);
-        let (blocks, rest) = row.as_chunks::<{ 8 * LANES }>();
-        for block in blocks {
-            for (lane, word) in lanes.iter_mut().zip(block.as_chunks::<8>().0) {
-                *lane = mixed(*lane, u64::from_le_bytes(*word));
-            }
-        }
-        lanes[0] = rest.iter().fold(lanes[0], |lane, &pixel| mixed(lane, u64::from(pixel)));
+        let (words, rest) = row.as_chunks::<8>();
+        hash = words.iter().fold(hash, |hash, word| mixed(hash, u64::from_le_bytes(*word)));
+        hash = rest.iter().fold(hash, |hash, &pixel| mixed(hash, u64::from(pixel)));
     }
-    (!is_uniform).then(|| lanes.into_iter().fold(0, mixed))
+    (!is_uniform).then_some(hash)
 }
 
 fn mixed(hash: u64, word: u64) -> u64 {
     (hash.rotate_left(5) ^ word).wrapping_mul(0x0100_0000_01b3_9e3d)
-}
-
-/// Detects a picture that freezes while the plate is swung, whether or not the camera is known to have noise.
-#[derive(Clone, Debug, Default)]
-pub struct StillnessGuard {
-    seen: Option<f64>,
-    frames: u32,
-    /// Least and largest displacement expected in these frames, px.
-    expected: (f64, f64),
-    is_still: bool,
-}
-
-impl StillnessGuard {
-    /// Takes the largest displacement of a corner as seen and as expected, px. True from the frame at which the picture
-    /// counts as frozen until it changes.
-    pub fn check(&mut self, seen: Option<f64>, expected: f64) -> bool {
-        let seen = seen.filter(|px| px.is_finite());
-        if seen.is_none() || seen != self.seen {
-            *self = Self { seen, frames: 0, expected: (expected, expected), is_still: false };
-            return false;
-        }
-        self.frames += 1;
-        self.expected = (self.expected.0.min(expected), self.expected.1.max(expected));
-        self.is_still |= self.frames >= STILL_FRAMES && self.expected.1 - self.expected.0 > SWING_PX;
-        self.is_still
-    }
 }
 
 #[cfg(test)]
@@ -240,22 +200,5 @@ mod tests {
         assert!(
             matches!(fresh.check(&early, PlateTime::from_secs(0.1)), Some(UnusableFrame::Stamp { older_s }) if older_s < 0.0)
         );
-    }
-
-    #[test]
-    fn picture_that_does_not_follow_the_drive_is_frozen_until_it_changes() {
-        let mut guard = StillnessGuard::default();
-        let still = [0.0, 0.2, 0.4, 0.6, 0.0, 0.0].map(|expected| guard.check(Some(0.05), expected));
-        assert_eq!(still, [false, false, false, true, true, true]);
-        assert!(!guard.check(Some(0.06), 0.0));
-    }
-
-    #[test]
-    fn resting_unmeasured_or_noisy_plate_is_not_reported_frozen() {
-        let mut guard = StillnessGuard::default();
-        assert!((0..20).all(|_| !guard.check(Some(0.05), 0.0)), "nothing should move");
-        assert!((0..20).all(|i| !guard.check(Some(f64::INFINITY), f64::from(i))));
-        assert!((0..20).all(|i| !guard.check(None, f64::from(i))));
-        assert!((0..20).all(|i| !guard.check(Some(0.01 * f64::from(i)), f64::from(i))), "noise");
     }
 }

@@ -20,8 +20,8 @@ const NEAR_OF_STEP: f64 = 0.15;
 #[derive(Clone, Debug)]
 pub struct StepGuard {
     in_a_row: u32,
-    stuck: Vec<u32>,
-    astray: Vec<u32>,
+    /// For each part, the steps in a row in which it hardly moved, and in which it went the other way.
+    missed: Vec<[u32; 2]>,
     /// Steps that were compared, and those that missed their forecast.
     pub compared: [u64; 2],
 }
@@ -29,37 +29,37 @@ pub struct StepGuard {
 impl StepGuard {
     /// A guard for which so many steps of a part in a row make a finding.
     pub fn new(in_a_row: u32) -> Self {
-        Self { in_a_row, stuck: Vec::new(), astray: Vec::new(), compared: [0; 2] }
+        Self { in_a_row, missed: Vec::new(), compared: [0; 2] }
     }
 
     /// Takes the steps of one pulse. Returns the first part that has missed its forecasts too often in a row, and
     /// whether it hardly moves or moves against them.
     pub fn check(&mut self, before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<(usize, Finding)> {
-        self.stuck.resize(before_m.len(), 0);
-        self.astray.resize(before_m.len(), 0);
+        self.missed.resize(before_m.len(), [0; 2]);
         let shortest_m = if before_m.len() > MANY { SHORTEST_OF_MANY_M } else { SHORTEST_M };
         let mut found = None;
-        for (part, ((before, forecast), after)) in before_m.iter().zip(forecast_m).zip(after_m).enumerate() {
-            let (wanted, went) = (forecast - before, after - before);
+        for (part, ((wanted, went), missed)) in steps(before_m, forecast_m, after_m).zip(&mut self.missed).enumerate() {
             let length_m = wanted.norm();
             if length_m < shortest_m {
                 continue;
             }
             let along = went.dot(&wanted) / (length_m * length_m);
-            let count = |held: u32, holds: bool| if holds { held + 1 } else { 0 };
-            self.stuck[part] = count(self.stuck[part], went.norm() < STUCK * length_m);
-            self.astray[part] = count(self.astray[part], along < -STUCK);
+            let misses = [went.norm() < STUCK * length_m, along < -STUCK];
+            let in_a_row = [0, 1].map(|kind| if misses[kind] { missed[kind] + 1 } else { 0 });
+            *missed = in_a_row;
             self.compared[0] += 1;
-            self.compared[1] += u64::from(self.stuck[part].max(self.astray[part]) > 0);
-            let unlike = if self.astray[part] >= self.in_a_row {
-                Some(Finding::PartAstray)
-            } else {
-                (self.stuck[part] >= self.in_a_row).then_some(Finding::PartStuck)
-            };
+            self.compared[1] += u64::from(misses.contains(&true));
+            let [is_stuck, is_astray] = in_a_row.map(|steps| steps >= self.in_a_row);
+            let unlike = if is_astray { Some(Finding::PartAstray) } else { is_stuck.then_some(Finding::PartStuck) };
             found = found.or(unlike.map(|unlike| (part, unlike)));
         }
         found
     }
+}
+
+/// The step of each part, as forecast and as measured.
+fn steps(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> impl Iterator<Item = (Vec2, Vec2)> {
+    before_m.iter().zip(forecast_m).zip(after_m).map(|((before, forecast), after)| (forecast - before, after - before))
 }
 
 /// Where most parts with a forecast displacement ended.
@@ -75,7 +75,7 @@ pub enum PulseOutcome {
 
 /// Verdict on most parts in a pulse; `None` when no part should move far enough to judge.
 pub fn went(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<PulseOutcome> {
-    let steps = before_m.iter().zip(forecast_m).zip(after_m).map(|((a, b), c)| (b - a, c - a));
+    let steps = steps(before_m, forecast_m, after_m);
     let far: Vec<(Vec2, Vec2)> = steps.filter(|(wanted, _)| wanted.norm() >= SHORTEST_M).collect();
     let most = |count: usize| 2 * count > far.len();
     let is_about = |(wanted, went): &(Vec2, Vec2)| {

@@ -1,3 +1,5 @@
+use std::fmt;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -21,4 +23,36 @@ pub struct Evidence {
     pub steps_missed: u64,
     /// Such steps in a row that make a finding.
     pub steps_limit: u32,
+}
+
+/// The explanation that the senses can tell least from a finding.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct RunnerUp {
+    /// The coil, channel or pair of coils, for people.
+    pub what: String,
+    /// Odds of the finding over it; the most that are told stand for higher ones.
+    pub odds: u32,
+}
+
+impl RunnerUp {
+    /// Largest odds that are told: an explanation that is a thousand times less likely need not be checked.
+    pub const MOST_ODDS: u32 = 1000;
+}
+
+impl fmt::Display for RunnerUp {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let more = if self.odds < Self::MOST_ODDS { "" } else { "more than " };
+        write!(f, "{more}{}:1 over {}", self.odds, self.what)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn odds_are_told_up_to_the_most() {
+        let told = |odds| RunnerUp { what: "coil x1".into(), odds }.to_string();
+        assert_eq!([20, 1000].map(told), ["20:1 over coil x1", "more than 1000:1 over coil x1"]);
+    }
 }

@@ -13,17 +13,16 @@ mod reading;
 
 use nalgebra::{Complex, Vector3};
 
-use self::reading::TraceReading;
+use self::reading::{DEVIATIONS, TraceReading};
 use super::accelerometer_phasors::{AccelerometerPhasors, Velocity, accelerometer_phasors};
 use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2};
 use upm_core::geometry::Vec2;
 use upm_core::phasor::magnitude;
 use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic, TwistWave};
 
-/// Tolerance of a coefficient in standard deviations when two periods or more were read.
-const DEVIATIONS: f64 = 8.0;
+pub use self::coils::BEARABLE_GAINS;
 
-/// The same when a single period was read. The fit's polynomial then follows the plate's resonance only in part:
+/// [`DEVIATIONS`] when a single period was read. The fit's polynomial then follows the plate's resonance only in part:
 /// healthy coefficients are up to 8 standard deviations off.
 const DEVIATIONS_ONE_PERIOD: f64 = 14.0;
 
@@ -34,12 +33,6 @@ const RESPONSE_ERROR: f64 = 0.02;
 
 /// Smallest gain error that is attributed to its coil or channel.
 const LEAST_GAIN_ERROR: f64 = 0.05;
-
-/// Largest gain of a dead channel, either sign.
-const DEAD_GAIN: f64 = 0.1;
-
-/// Largest distance of a reversed channel's gain from -1.
-const REVERSED_GAIN_ERROR: f64 = 0.2;
 
 /// Planned acceleration from which a pulse must be readable, in units of [`WEAKEST_MPS2`].
 const STRONG: f64 = 4.0;
@@ -113,8 +106,6 @@ pub enum MotionVerdict {
         coil: usize,
         /// Its force over the planned one: 0 for a dead coil, -1 for a reversed one.
         gain: f64,
-        /// Standard deviation of `gain`, the allowed errors included.
-        gain_sd: f64,
     },
     /// Two coils are exchanged: each plays the other's signal.
     Swapped {
@@ -135,11 +126,7 @@ pub enum MotionVerdict {
 /// Fault of an accelerometer channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ChannelFault {
-    /// Shows no motion.
-    Dead,
-    /// Shows the motion with the wrong sign.
-    Reversed,
-    /// Shows the motion with this gain.
+    /// Shows the motion with this gain: 0 where it is dead, -1 where its sign is wrong.
     Gain(f64),
     /// Shows something else; the other three agree with the plan.
     Erratic,
@@ -156,7 +143,7 @@ pub fn judge(
         Err(fault) => fault,
     };
     let harmonics = expected.drive.motors.iter().map(Vec::len).max().unwrap_or(0);
-    let planned = expected.readings(harmonics, &AssumedCoilSignals::Planned, sensors);
+    let planned = expected.readings(harmonics, AS_PLANNED, sensors);
     // these two mean that this rig's traces can never be read this way, whatever the plate does
     let never = matches!(fault, FitFault::Unreadable(_) | FitFault::Undetermined { .. });
     let verdict = MotionVerdict::Unreadable { strong: !never && is_strong(expected, &planned) };
@@ -169,20 +156,18 @@ fn is_strong(expected: &ExpectedMotion<'_>, planned: &AccelerometerPhasors) -> b
     expected.periods() >= READABLE_PERIODS && largest_mps2 >= STRONG * WEAKEST_MPS2
 }
 
-/// Counts that the coils are assumed to play.
-enum AssumedCoilSignals {
-    Planned,
-    Without(usize),
-    Swapped([usize; 2]),
-}
+/// For each coil, the one whose signal it is assumed to play, and the share of that.
+type PlayedSignals = [(usize, f64); MOTORS];
+
+/// Every coil plays its own signal.
+const AS_PLANNED: PlayedSignals = [(0, 1.0), (1, 1.0), (2, 1.0), (3, 1.0)];
 
 impl ExpectedMotion<'_> {
     /// The plate's velocity at full height, times from the start of the pulse.
     pub fn wave(&self) -> TwistWave {
         let Drive { base_radps, motors, .. } = self.drive;
         let harmonics = motors.iter().map(Vec::len).max().unwrap_or(0);
-        let harmonics =
-            self.velocity(harmonics, &AssumedCoilSignals::Planned).iter().map(TwistHarmonic::from_phasor).collect();
+        let harmonics = self.velocity(harmonics, AS_PLANNED).iter().map(TwistHarmonic::from_phasor).collect();
         TwistWave { base_radps: *base_radps, harmonics }
     }
 
@@ -192,27 +177,16 @@ impl ExpectedMotion<'_> {
     }
 
     /// The accelerometers' readings of [`Self::velocity`].
-    fn readings(
-        &self,
-        harmonics: usize,
-        played: &AssumedCoilSignals,
-        sensors: &AccelerometerPair,
-    ) -> AccelerometerPhasors {
+    fn readings(&self, harmonics: usize, played: PlayedSignals, sensors: &AccelerometerPair) -> AccelerometerPhasors {
         accelerometer_phasors(&self.velocity(harmonics, played), self.drive.base_radps, sensors.position_m)
     }
 
     /// The plate's velocity in `harmonics` harmonics; those absent from drive or response are zero.
-    fn velocity(&self, harmonics: usize, played: &AssumedCoilSignals) -> Velocity {
+    fn velocity(&self, harmonics: usize, played: PlayedSignals) -> Velocity {
         let mut velocity = vec![Vector3::zeros(); harmonics];
-        for (coil, answers) in self.coils.iter().enumerate() {
-            let (part, factor) = match *played {
-                AssumedCoilSignals::Without(of) if of == coil => (coil, 0.0),
-                AssumedCoilSignals::Swapped([a, b]) if a == coil => (b, 1.0),
-                AssumedCoilSignals::Swapped([a, b]) if b == coil => (a, 1.0),
-                _ => (coil, 1.0),
-            };
-            for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(&self.drive.motors[part]) {
-                *sum += answer.phasor() * (counts.phasor() * factor);
+        for (answers, (of, share)) in self.coils.iter().zip(played) {
+            for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(&self.drive.motors[of]) {
+                *sum += answer.phasor() * (counts.phasor() * share);
             }
         }
         velocity
@@ -233,7 +207,7 @@ struct PulseJudge<'a> {
 
 impl<'a> PulseJudge<'a> {
     fn new(expected: &'a ExpectedMotion<'a>, read: TraceReading, sensors: &'a AccelerometerPair) -> Self {
-        let planned = expected.readings(read.variance.len(), &AssumedCoilSignals::Planned, sensors);
+        let planned = expected.readings(read.variance.len(), AS_PLANNED, sensors);
         let deviations = if expected.periods() < 2.0 { DEVIATIONS_ONE_PERIOD } else { DEVIATIONS };
         // the residual of a channel full of noise says nothing about the others
         let others = CHANNELS as f64 / (CHANNELS - 1) as f64;
@@ -246,35 +220,23 @@ impl<'a> PulseJudge<'a> {
         Self { expected, sensors, read, planned, noise, weights }
     }
 
+    /// The judgement, without a channel that is full of noise.
     fn judgement(&self) -> MotionJudgement {
-        if let Some((channel, _)) = self.read.noisy {
-            return self.judgement_without(channel);
-        }
-        let difference: f64 = self.planned.iter().zip(&self.read.accel_mps2).map(|(a, b)| distance(a, b)).sum();
-        let relative = (difference / energy(&self.planned)).sqrt();
-        let mismatch = Mismatch { relative, score: self.score(&self.planned) };
-        let (verdict, runner_up) = match mismatch.score {
-            score if score <= self.expected.limit && self.is_drowned() && is_strong(self.expected, &self.planned) => {
+        let without = self.read.noisy.map(|(channel, _)| channel);
+        let size: f64 = self.planned.iter().map(|of| distance(of, &Default::default(), without)).sum();
+        let rows = self.planned.iter().zip(&self.read.accel_mps2);
+        let difference: f64 = rows.map(|(a, b)| distance(a, b, without)).sum();
+        let mismatch = Mismatch { relative: (difference / size).sqrt(), score: self.score(&self.planned, without) };
+        let (verdict, runner_up) = match (without, mismatch.score <= self.expected.limit) {
+            (None, false) => self.explanation(),
+            (None, true) if self.is_drowned() && is_strong(self.expected, &self.planned) => {
                 (MotionVerdict::Unreadable { strong: true }, None)
             }
-            score if score <= self.expected.limit => (MotionVerdict::AsPlanned, None),
-            _ => self.explanation(),
+            (None, true) => (MotionVerdict::AsPlanned, None),
+            (Some(_), false) => (MotionVerdict::Other, None),
+            (Some(channel), true) => (MotionVerdict::Channel { channel, kind: ChannelFault::Erratic }, None),
         };
         MotionJudgement { mismatch: Some(mismatch), verdict, runner_up }
-    }
-
-    /// The judgement without `channel`, which is full of noise.
-    fn judgement_without(&self, channel: usize) -> MotionJudgement {
-        let size = energy(&self.planned) - self.planned.iter().map(|of| of[channel].norm_sqr()).sum::<f64>();
-        let apart = |(a, b): (&[Complex<f64>; CHANNELS], &[Complex<f64>; CHANNELS])| {
-            distance(a, b) - (a[channel] - b[channel]).norm_sqr()
-        };
-        let difference: f64 = self.planned.iter().zip(&self.read.accel_mps2).map(apart).sum();
-        let score = self.score_without(channel);
-        let mismatch = Mismatch { relative: (difference / size).sqrt(), score };
-        let erratic = MotionVerdict::Channel { channel, kind: ChannelFault::Erratic };
-        let verdict = if score <= self.expected.limit { erratic } else { MotionVerdict::Other };
-        MotionJudgement { mismatch: Some(mismatch), verdict, runner_up: None }
     }
 
     /// The best explanation, if one is accepted, and its runner-up.
@@ -292,7 +254,7 @@ impl<'a> PulseJudge<'a> {
             let odds = libm::exp(0.5 * coefficients * (other * other - best * best));
             return (verdict, other.is_finite().then_some(RunnerUp { verdict: runner_up, odds }));
         }
-        let erratic = (0..CHANNELS).map(|channel| (self.score_without(channel), channel));
+        let erratic = (0..CHANNELS).map(|channel| (self.score(&self.planned, Some(channel)), channel));
         let verdict = match erratic.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
             Some((score, channel)) if score <= self.expected.limit => {
                 MotionVerdict::Channel { channel, kind: ChannelFault::Erratic }
@@ -330,31 +292,19 @@ impl<'a> PulseJudge<'a> {
             shown[channel] *= gain;
             shown
         });
-        let kind = if gain.abs() <= DEAD_GAIN {
-            ChannelFault::Dead
-        } else if (gain + 1.0).abs() <= REVERSED_GAIN_ERROR {
-            ChannelFault::Reversed
-        } else {
-            ChannelFault::Gain(gain)
-        };
-        let score = if is_fault(gain) { self.score(&shown.collect()) } else { f64::INFINITY };
-        (score, MotionVerdict::Channel { channel, kind })
+        let score = if is_fault(gain) { self.score(&shown.collect(), None) } else { f64::INFINITY };
+        (score, MotionVerdict::Channel { channel, kind: ChannelFault::Gain(gain) })
     }
 
-    /// Deviation of the reading from `predicted` in tolerances, root mean square. The response's error grows with the
-    /// motion: a coil that gives more than planned, or the other way, may move the plate farther than planned.
-    fn score(&self, predicted: &AccelerometerPhasors) -> f64 {
+    /// Deviation of the reading from `predicted` in tolerances, root mean square over all channels or those `without`
+    /// one. The response's error grows with the motion: a coil that gives more than planned, or the other way, may move
+    /// the plate farther than planned.
+    fn score(&self, predicted: &AccelerometerPhasors, without: Option<usize>) -> f64 {
         let response = response_variance(predicted).max(response_variance(&self.planned));
         let rows = predicted.iter().zip(&self.read.accel_mps2).zip(&self.noise);
-        let sum: f64 = rows.map(|((a, b), noise)| distance(a, b) / (noise + response)).sum();
-        (sum / (2 * CHANNELS * self.noise.len()) as f64).sqrt()
-    }
-
-    /// Score of the plan by the three other channels.
-    fn score_without(&self, channel: usize) -> f64 {
-        let rows = self.planned.iter().zip(&self.read.accel_mps2).zip(&self.weights);
-        let others = rows.map(|((a, b), weight)| weight * (distance(a, b) - (a[channel] - b[channel]).norm_sqr()));
-        (others.sum::<f64>() / (2 * (CHANNELS - 1) * self.weights.len()) as f64).sqrt()
+        let sum: f64 = rows.map(|((a, b), noise)| distance(a, b, without) / (noise + response)).sum();
+        let channels = CHANNELS - usize::from(without.is_some());
+        (sum / (2 * channels * self.noise.len()) as f64).sqrt()
     }
 
     /// Weighted inner product over `channels`.
@@ -380,8 +330,10 @@ fn energy(accelerometer_phasors: &AccelerometerPhasors) -> f64 {
     accelerometer_phasors.iter().flatten().map(Complex::norm_sqr).sum()
 }
 
-fn distance(a: &[Complex<f64>; CHANNELS], b: &[Complex<f64>; CHANNELS]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).norm_sqr()).sum()
+/// Square of the difference in all channels or those `without` one.
+fn distance(a: &[Complex<f64>; CHANNELS], b: &[Complex<f64>; CHANNELS], without: Option<usize>) -> f64 {
+    let channels = (0..CHANNELS).filter(|channel| Some(*channel) != without);
+    channels.map(|channel| (a[channel] - b[channel]).norm_sqr()).sum()
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use super::fixed::{Fixed, Mm, PointMm, Seconds, fixed_pair, mm, point_mm, second
 use crate::motion::MotionRecord;
 use crate::wave::off_part;
 use upm_control::PulseFacts;
-use upm_core::job::{EventLevel, Outcome, StopCause};
+use upm_core::job::{EventLevel, Outcome, RunnerUp, StopCause};
 use upm_core::signal::{Harmonic, MOTORS, TwistWave};
 use upm_perception::estimation::PlateFit;
 use upm_planning::cor_library::Library;
@@ -58,7 +58,7 @@ pub(super) enum JournalLine<'a> {
         level: EventLevel,
         text: &'a str,
         #[serde(flatten)]
-        detail: Option<DetailPart>,
+        detail: Option<DetailPart<'a>>,
     },
 }
 
@@ -281,7 +281,7 @@ impl SentLine {
 
 #[derive(Serialize, JsonSchema)]
 #[serde(untagged)]
-pub(super) enum DetailPart {
+pub(super) enum DetailPart<'a> {
     /// A lasting finding that began or ended.
     Finding {
         code: &'static str,
@@ -290,6 +290,9 @@ pub(super) enum DetailPart {
         /// Cycles in which it held.
         #[serde(skip_serializing_if = "Option::is_none")]
         times: Option<u64>,
+        /// The explanation that the senses can tell least from it.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        runner_up: Option<&'a RunnerUp>,
     },
     RunEnded {
         outcome: Outcome,

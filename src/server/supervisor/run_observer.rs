@@ -1,7 +1,9 @@
 use super::preview::OverlayMark;
 use crate::states::PlateFinding;
 use crate::supervisor::{Plate, PlateHandle};
-use upm_control::{CycleFacts, EventFacts, EventKind, EventLevel, FindingChange, FrameFacts, LocalisedFacts, Sink};
+use upm_control::{
+    CycleFacts, EventFacts, EventKind, EventLevel, FindingChange, FrameFacts, LocalisedFacts, Reason, Sink,
+};
 use upm_core::geometry::Vec2;
 use upm_core::time::{Clock, PlateTime};
 use upm_core::units::{mm_from_m, places_mm};
@@ -77,7 +79,8 @@ impl Sink for RunObserver<'_> {
             self.observation.findings.retain(|held| held.code != found.finding.code());
             if *change == FindingChange::Began {
                 let (code, remedy) = (found.finding.code().to_owned(), found.finding.check().to_owned());
-                self.observation.findings.push(PlateFinding { code, reason: reason.clone(), remedy });
+                let Reason { text: reason, runner_up } = reason.clone();
+                self.observation.findings.push(PlateFinding { code, reason, remedy, runner_up });
             }
         }
     }

@@ -167,7 +167,7 @@ mod tests {
                 (0, FindingChange::Began, "part 0 is slow again"),
             ] {
                 let (at, found) = (PlateTime::from_secs(1.0), Found { finding: Finding::PartSlow, about: Some(part) });
-                let (level, reason) = (EventLevel::Warning, text.to_owned());
+                let (level, reason) = (EventLevel::Warning, text.to_owned().into());
                 let kind = EventKind::Finding { found, change, reason };
                 progress.event(&EventFacts { at, level, text: text.to_owned(), kind });
             }

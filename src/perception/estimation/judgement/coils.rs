@@ -3,26 +3,26 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::{AccelerometerPhasors, AssumedCoilSignals, MotionVerdict, PulseJudge, is_fault};
+use super::{AS_PLANNED, AccelerometerPhasors, MotionVerdict, PulseJudge, is_fault};
 use upm_core::signal::{CHANNELS, MOTORS};
 
 /// Plausible gains of an amplifier and its coil; a gain outside them is the error of something else, attributed to a
 /// coil with hardly any share in the motion.
 const COIL_GAINS: std::ops::RangeInclusive<f64> = -1.6..=2.0;
 
-/// Plausible common gains of the coils, set by the amplifier's supply.
-const SHARED_GAINS: std::ops::RangeInclusive<f64> = 0.7..=1.4;
+/// Gains of a coil with which a run goes on, since the next observation compensates for them: those that an amplifier's
+/// supply gives all its coils.
+pub const BEARABLE_GAINS: std::ops::RangeInclusive<f64> = 0.7..=1.4;
 
 impl PulseJudge<'_> {
     /// Score and verdict for the gain of `coil` that fits the reading best.
     pub(super) fn coil(&self, coil: usize) -> (f64, MotionVerdict) {
         let [share, others] = self.split(coil);
-        let information = self.dot(&share, &share, 0..CHANNELS);
         let along = |accelerometer_phasors: &AccelerometerPhasors| self.dot(&share, accelerometer_phasors, 0..CHANNELS);
-        let gain = (along(&self.read.accel_mps2) - along(&others)) / information;
+        let gain = (along(&self.read.accel_mps2) - along(&others)) / along(&share);
         let is_plausible = is_fault(gain) && COIL_GAINS.contains(&gain);
-        let score = if is_plausible { self.score(&sum([(&share, gain), (&others, 1.0)])) } else { f64::INFINITY };
-        (score, MotionVerdict::Coil { coil, gain, gain_sd: information.recip().sqrt() })
+        let score = if is_plausible { self.score(&sum([(&share, gain), (&others, 1.0)]), None) } else { f64::INFINITY };
+        (score, MotionVerdict::Coil { coil, gain })
     }
 
     /// The verdict for one coil with one gain while the other three share another, as under a sagging supply.
@@ -39,21 +39,25 @@ impl PulseJudge<'_> {
         let seen = Vector2::from_fn(|row, _| dot(&parts[row], &self.read.accel_mps2));
         let Some(inverse) = normal.try_inverse() else { return (f64::INFINITY, MotionVerdict::Other) };
         let [gain, shared]: [f64; 2] = (inverse * seen).into();
-        let is_plausible = COIL_GAINS.contains(&gain) && SHARED_GAINS.contains(&shared) && is_fault(gain / shared);
+        let is_plausible = COIL_GAINS.contains(&gain) && BEARABLE_GAINS.contains(&shared) && is_fault(gain / shared);
         let [own, others] = &parts;
-        let score = if is_plausible { self.score(&sum([(own, gain), (others, shared)])) } else { f64::INFINITY };
-        (score, MotionVerdict::Coil { coil, gain, gain_sd: inverse.m11.sqrt() })
+        let score = if is_plausible { self.score(&sum([(own, gain), (others, shared)]), None) } else { f64::INFINITY };
+        (score, MotionVerdict::Coil { coil, gain })
     }
 
     /// The planned motion as the accelerometers feel it: the share of `coil`, and that of all others.
     fn split(&self, coil: usize) -> [AccelerometerPhasors; 2] {
-        let others = self.expected.readings(self.planned.len(), &AssumedCoilSignals::Without(coil), self.sensors);
+        let mut played = AS_PLANNED;
+        played[coil].1 = 0.0;
+        let others = self.expected.readings(self.planned.len(), played, self.sensors);
         [sum([(&self.planned, 1.0), (&others, -1.0)]), others]
     }
 
     pub(super) fn swap(&self, coils: [usize; 2]) -> (f64, MotionVerdict) {
-        let predicted = self.expected.readings(self.planned.len(), &AssumedCoilSignals::Swapped(coils), self.sensors);
-        (self.score(&predicted), MotionVerdict::Swapped { coils })
+        let mut played = AS_PLANNED;
+        played.swap(coils[0], coils[1]);
+        let predicted = self.expected.readings(self.planned.len(), played, self.sensors);
+        (self.score(&predicted, None), MotionVerdict::Swapped { coils })
     }
 }
 

@@ -6,8 +6,8 @@ use super::super::accelerometer_phasors::AccelerometerPhasors;
 use super::super::{PlateFit, WEAKEST_MPS2, WaveFit};
 use upm_core::signal::CHANNELS;
 
-/// A channel whose residual is this many times that of any other, and at least [`WEAKEST_MPS2`], is full of noise.
-const NOISY: f64 = 10.0;
+/// Tolerance of a coefficient in standard deviations when two periods or more were read.
+pub(super) const DEVIATIONS: f64 = 8.0;
 
 /// Acceleration phasors of all channels and the mean variance of cos and sin coefficient, harmonic by harmonic.
 pub(super) struct TraceReading {
@@ -30,11 +30,12 @@ impl TraceReading {
     }
 }
 
-/// The channel whose residual far exceeds that of any other, and its share of the sum of squares.
+/// The channel full of noise, with its share of the sum of squares: its residual is more standard deviations than a
+/// coefficient may be off, each the largest other residual or [`WEAKEST_MPS2`].
 fn noisy(residual_mps2: &[f64; CHANNELS]) -> Option<(usize, f64)> {
     let squares = residual_mps2.map(|rms| rms * rms);
     let (channel, &most) = squares.iter().enumerate().max_by(|(_, a), (_, b)| a.total_cmp(b))?;
     let others = squares.iter().enumerate().filter(|(other, _)| *other != channel);
     let next = others.map(|(_, square)| *square).fold(WEAKEST_MPS2 * WEAKEST_MPS2, f64::max);
-    (most > NOISY * NOISY * next).then(|| (channel, most / squares.iter().sum::<f64>()))
+    (most > DEVIATIONS * DEVIATIONS * next).then(|| (channel, most / squares.iter().sum::<f64>()))
 }

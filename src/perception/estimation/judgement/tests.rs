@@ -77,7 +77,7 @@ impl TestPlate {
         let harmonics = drive.motors.iter().map(Vec::len).max().unwrap_or(0);
         let answers = coils(harmonics);
         let velocity = ExpectedMotion { drive: &played, coils: &answers, load_mps2: 0.0, limit: 1.0 }
-            .velocity(harmonics, &AssumedCoilSignals::Planned);
+            .velocity(harmonics, AS_PLANNED);
         let shown = |i: usize| -> [f64; CHANNELS] {
             let angle = BASE_RADPS * i as f64 / SAMPLE_HZ;
             let sum = |order: i32| -> Vector3<f64> {
@@ -178,11 +178,11 @@ proptest! {
         ],
     ) {
         let judgement = weak(coil, gain).judged(&strong_field(seed, periods), seed);
-        let MotionVerdict::Coil { coil: found, gain: read, gain_sd } = judgement.verdict else {
+        let MotionVerdict::Coil { coil: found, gain: read } = judgement.verdict else {
             return Err(TestCaseError::fail(format!("{judgement:?}")));
         };
         prop_assert_eq!(found, coil);
-        prop_assert!((read - gain).abs() < 0.02 && gain_sd < 0.1, "{} of {}, sd {}", read, gain, gain_sd);
+        prop_assert!((read - gain).abs() < 0.02, "{} of {}", read, gain);
     }
 
     #[test]
@@ -192,7 +192,7 @@ proptest! {
         let mut plate = weak(coil, gain);
         (0..MOTORS).filter(|&of| of != coil).for_each(|of| plate.coil_gain[of] = shared);
         let judgement = plate.judged(&strong_field(seed, 3.0), seed);
-        let MotionVerdict::Coil { coil: found, gain: read, .. } = judgement.verdict else {
+        let MotionVerdict::Coil { coil: found, gain: read } = judgement.verdict else {
             return Err(TestCaseError::fail(format!("{judgement:?}")));
         };
         prop_assert!(found == coil && (read - gain).abs() < 0.03, "{:?} of {}, {}", judgement.verdict, coil, gain);
@@ -203,7 +203,7 @@ proptest! {
         let judgement = weak(coil, gain).judged(&strong_rotation(), seed);
         let odds = judgement.runner_up.map(|runner_up| runner_up.odds);
         prop_assert!(odds.is_none_or(|odds| odds > 100.0), "{:?}", judgement);
-        let MotionVerdict::Coil { coil: found, gain: read, .. } = judgement.verdict else {
+        let MotionVerdict::Coil { coil: found, gain: read } = judgement.verdict else {
             return Err(TestCaseError::fail(format!("{judgement:?}")));
         };
         prop_assert!(found == coil && (read - gain).abs() < 0.02, "{:?} of {}, {}", judgement.verdict, coil, gain);
@@ -211,13 +211,10 @@ proptest! {
 
     #[test]
     fn single_channel_is_blamed_with_its_fault(
-        seed: u64, of in 0..CHANNELS, gain in prop_oneof![0.3..0.8f64, 1.2..2.0f64], rotates: bool,
+        seed: u64, of in 0..CHANNELS, gain in prop_oneof![Just(0.0), Just(-1.0), 0.3..0.8f64, 1.2..2.0f64],
+        rotates: bool,
     ) {
         let drive = if rotates { strong_rotation() } else { strong_field(seed, 3.0) };
-        for (shown, kind) in [(0.0, ChannelFault::Dead), (-1.0, ChannelFault::Reversed)] {
-            let verdict = channel(of, shown).judged(&drive, seed).verdict;
-            prop_assert_eq!(verdict, MotionVerdict::Channel { channel: of, kind });
-        }
         let verdict = channel(of, gain).judged(&drive, seed).verdict;
         let MotionVerdict::Channel { channel: found, kind: ChannelFault::Gain(read) } = verdict else {
             return Err(TestCaseError::fail(format!("{verdict:?}")));

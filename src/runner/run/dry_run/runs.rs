@@ -97,7 +97,7 @@ impl Sink for DryRunRecord {
             Finding::StepsMeetEdge | Finding::StepsMeetParts | Finding::StepsUnreachable | Finding::SolverFails
         );
         if is_limit {
-            *self.limits_met.entry(reason.clone()).or_default() += times;
+            *self.limits_met.entry(reason.text.clone()).or_default() += times;
         }
     }
 }
