@@ -12,7 +12,7 @@ use self::naming::name_parts;
 use self::scene::SceneMonitor;
 use self::settling::{PlateInImage, SWING_S};
 use super::findings::Findings;
-use super::guards::{DelayGuard, Guards, UnusableFrame};
+use super::guards::{DelayGuard, Guards, StillnessGuard, UnusableFrame};
 use super::run_end::{OrEnd, RunEnd, flow};
 use super::{FrameFacts, LocalisedFacts, RunIo, Sink};
 use upm_core::geometry::Vec2;
@@ -87,6 +87,7 @@ pub struct Perception {
     /// Expected place of each part when it is next seen at rest, and the tolerance, m.
     expected_m: Vec<(Vec2, f64)>,
     pub(crate) delay: DelayGuard,
+    stillness: StillnessGuard,
     pub(crate) findings: Findings,
 }
 
@@ -128,6 +129,7 @@ impl Perception {
             relocated: false,
             expected_m,
             delay: DelayGuard::new(model.frame_hz, guards.limits(parts.len()).late),
+            stillness: StillnessGuard::default(),
             findings: Findings::default(),
         })
     }
@@ -145,7 +147,7 @@ impl Perception {
         }
         let at_rest = self.frame.exposed_at - io.rig.settled_at().max(self.still_from) >= 0.5 * self.model.exposure_s;
         let start = io.clock.elapsed();
-        let stale = self.stale(io.rig.now());
+        let stale = self.stale(io.rig.now(), swing_px);
         if stale.is_some() {
             self.tracker.miss();
         } else {

@@ -147,7 +147,7 @@ impl DelayGuard {
     }
 
     /// Expected displacement of the plate's corners at `at_s` of plate time, px.
-    fn expected_px(&self, at_s: f64) -> f64 {
+    pub fn expected_px(&self, at_s: f64) -> f64 {
         let pulse = self.pulses.iter().rev().find(|(begin_s, _)| *begin_s <= at_s);
         pulse.map_or(0.0, |(begin_s, swing)| swing.corner_px(at_s - begin_s))
     }
