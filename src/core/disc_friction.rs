@@ -64,20 +64,15 @@ impl DiscFriction {
         if total <= 0.0 {
             return [0.0; 2];
         }
-        let [force, torque] = self.reduced(slide_mps, rim_mps, 1.0 / total);
+        let [[force, torque]] = self.reduced_of([slide_mps], [rim_mps], [1.0 / total]);
         [force * slide_mps / total, torque * rim_mps / total]
     }
 
     /// [`Self::force_and_torque`] at `x = v/(v + R|w|)`.
     #[inline(always)]
     fn at_share_of_sliding(&self, x: f64) -> [f64; 2] {
-        let [force, torque] = self.reduced(x, 1.0 - x, 1.0);
+        let [[force, torque]] = self.reduced_of([x], [1.0 - x], [1.0]);
         [force * x, torque * (1.0 - x)]
-    }
-
-    #[inline(always)]
-    fn reduced(&self, slide: f64, rim: f64, inverse_total: f64) -> [f64; 2] {
-        self.reduced_of([slide], [rim], [inverse_total])[0]
     }
 
     /// `[f s/v, t s/(R|w|)]` of several discs: a loop each for what SIMD does side by side and for the table.

@@ -43,14 +43,12 @@ impl DiscFriction {
             inverse[i] = 1.0 / total[i];
         }
         let reduced = self.reduced_of(slide_mps, rim_mps, inverse);
-        for i in 0..N {
-            let ([force, torque], pull) = (reduced[i], reach_mps[i] * inverse[i]);
-            fractions[i] = [1.0 - pull * force, 1.0 - 2.0 * pull * torque];
-        }
         let (mut slide, mut rim, mut is_small) = ([0.0_f64; N], [0.0_f64; N], [false; N]);
-        for i in (0..N).filter(|&i| total[i] <= IMPLICIT_BELOW * reach_mps[i]) {
-            fractions[i] = [0.0; 2];
-            if total[i] > 0.0 {
+        for i in 0..N {
+            if total[i] > IMPLICIT_BELOW * reach_mps[i] {
+                let ([force, torque], pull) = (reduced[i], reach_mps[i] * inverse[i]);
+                fractions[i] = [1.0 - pull * force, 1.0 - 2.0 * pull * torque];
+            } else if total[i] > 0.0 {
                 (slide[i], rim[i]) = (slide_mps[i] / reach_mps[i], rim_mps[i] / reach_mps[i]);
                 is_small[i] = slide[i] * slide[i] + (0.75 * rim[i]).powi(2) > INSIDE_LIMIT_CURVE;
             }
