@@ -52,7 +52,9 @@ impl PlateWorker {
                 standing.give_way.store(false, Ordering::SeqCst);
             }
             // a stop before this is seen here, a later one by the run
-            if !shared.may_move() || !self.take_job() {
+            let takes_no_job = !shared.may_move() || !self.take_job();
+            // a run may have used up the wake-up that the end brought
+            if takes_no_job && !shared.ending.load(Ordering::SeqCst) {
                 #[cfg(test)]
                 shared.idled.fetch_add(1, Ordering::SeqCst);
                 thread::park_timeout(IDLE);
