@@ -31,6 +31,10 @@ impl Store {
                 let list = if ended.state == JobState::Interrupted { &mut found.interrupted } else { &mut found.ended };
                 list.push(ended.id);
             }
+            for job in rows(tx, "SELECT job FROM jobs WHERE state = 'queued'", [], job_of)? {
+                // empty, of a claim that was never stored; one that holds a run stays
+                fs::remove_dir(self.runs.join(job.run_folder())).ok();
+            }
             let of_row = |row: &Row<'_>| Ok((row.get(0)?, row.get::<_, Option<Json<_>>>(1)?.map(|pause| pause.0)));
             let before: Vec<(String, Option<PauseCause>)> = rows(tx, "SELECT name, pause FROM plates", [], of_row)?;
             let waiting: Vec<String> =

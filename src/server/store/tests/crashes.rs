@@ -43,6 +43,19 @@ fn store_killed_after_any_write_opens_with_that_write() {
 }
 
 #[test]
+fn empty_folder_of_a_claim_that_was_never_stored_goes_and_a_run_stays() {
+    let (folder, store) = new_store(limits());
+    let name = queue(&store, "one", "a").run_folder();
+    fs::create_dir_all(store.runs().join(&name)).unwrap();
+    let (copy, (again, _)) = killed(folder.path());
+    assert!(!again.runs().join(&name).exists());
+    fs::create_dir_all(again.runs().join(&name)).unwrap();
+    fs::write(again.runs().join(&name).join("journal.jsonl"), "{}\n").unwrap();
+    let (_copy, (again, _)) = killed(copy.path());
+    assert!(again.runs().join(&name).join("journal.jsonl").exists());
+}
+
+#[test]
 fn store_cut_off_while_it_is_made_is_made_again() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("upm.db"), "").unwrap();
