@@ -14,10 +14,12 @@ use upm_perception::vision::{DetectedDisc, Table, seen_outline_m};
 const FITS: [f64; 6] = [0.025, 0.025, 0.02, 0.015, 0.012, 0.012];
 /// Relative difference below which two scales are the same.
 const SAME: f64 = 0.015;
+/// Width of a coin's raised border at most, as a share of its radius.
+const BORDER: f64 = 0.1;
 /// Standard deviation of a measured size, relative.
 const SIZE_SD: f64 = 0.003;
 /// Root mean square deviation of the sizes of parts that agree with each other, relative.
-pub(super) const AGREE: f64 = 0.006;
+const AGREE: f64 = 0.006;
 /// Most discs of one kind that count, and the factor by which a scale's weight must exceed all others for it to be
 /// chosen.
 const MOST_WEIGHT: usize = 3;
@@ -25,6 +27,8 @@ const CLEARLY_MORE: f64 = 1.3;
 /// Least visible share of the outline, and least sharpness of it, for discs that the scale is estimated from.
 const LEAST_SHARE: f64 = 0.6;
 const LEAST_CRISPNESS: f64 = 0.45;
+/// Sharpness from which on a rim is that of the coin for sure.
+pub(super) const SHARP: f64 = 0.57;
 
 /// Source of a picture's scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -124,13 +128,47 @@ impl Sizes<'_> {
         self.fitted(1.0, &self.discs.iter().collect::<Vec<_>>(), [false, true])
     }
 
-    /// The scale under which `disc` is a part of `kind`.
-    pub(super) fn of_part(&self, disc: &DetectedDisc, kind: &PartKind) -> f64 {
-        let mut factor = kind.radius_m / disc.radius_m;
-        for _ in 0..4 {
-            factor = kind.radius_m * libm::exp(self.swelling(disc, kind, factor)) / disc.radius_m;
+    /// The scale under which the disc at a place, px, is a part of `kind`, and what speaks against it. Where parts of
+    /// three kinds or more agree on another one, the inner edge of its raised border may have been taken for its rim.
+    pub(super) fn from_part(&self, kind: usize, at_px: Option<Vec2>) -> Result<(ScaleFit, Option<String>), String> {
+        let name = &self.kinds[kind].name;
+        let Some(at_px) = at_px else {
+            let which = |_| format!("--scale-from: which disc is the {name}? {}", self.places());
+            return <[ScaleFit; 1]>::try_from(self.scales(Some(kind))).map(|[fit]| (fit, None)).map_err(which);
+        };
+        let at = format!("{},{}", at_px.x, at_px.y);
+        let off = |disc: &&DetectedDisc| (disc.center_px - at_px).norm() / disc.radius_px;
+        let nearest = self.discs.iter().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|disc| off(disc) < 1.0);
+        let alone = Sizes { kinds: &self.kinds[kind..=kind], ..*self };
+        let named = nearest.map(|disc| alone.fitted(self.kinds[kind].radius_m / disc.radius_m, &[disc], [true, false]));
+        let agreed = <[ScaleFit; 1]>::try_from(self.scales(None)).ok().filter(|[fit]| fit.kinds.len() > 2);
+        match (named, agreed) {
+            (None, None) => Err(format!("--scale-from: no disc at {at}; {}", self.places())),
+            (Some(named), None) => Ok((named, None)),
+            (None, Some([fit])) => Ok((fit, Some(format!("no disc at {at}; the other parts give the scale")))),
+            (Some(named), Some([fit])) => {
+                let off = (fit.factor / named.factor - 1.0).abs();
+                let doubt = format!("the {name} at {at} is {:.1} % off the other parts' scale", 100.0 * off);
+                Ok((if off < BORDER { fit } else { named }, (off > SAME).then_some(doubt)))
+            }
         }
-        factor
+    }
+
+    /// What speaks against a scale that was found: sizes that differ, or rims that are those of shadows or of a blur.
+    pub(super) fn doubt(&self, fit: &ScaleFit) -> Option<String> {
+        let mut crispness: Vec<f64> = self.discs.iter().map(|disc| disc.crispness).collect();
+        crispness.sort_by(f64::total_cmp);
+        let soft = crispness.get(crispness.len() / 2).filter(|middle| **middle < SHARP);
+        let off = || format!("the parts differ by {:.1} % from any one scale", 100.0 * fit.off);
+        (fit.off > AGREE).then(off).or_else(|| soft.map(|_| "the parts' rims are soft".to_owned()))
+    }
+
+    /// Places of discs, as `--scale-from` takes them.
+    fn places(&self) -> String {
+        const MOST: usize = 12;
+        let at = |disc: &DetectedDisc| format!("{:.0},{:.0}", disc.center_px.x, disc.center_px.y);
+        let places: Vec<String> = self.discs.iter().take(MOST).map(at).collect();
+        if places.is_empty() { "no disc was found".to_owned() } else { format!("discs are at {}", places.join(" ")) }
     }
 
     /// Logarithm of the ratio by which height and side wall enlarge the outline of a part of `kind`.

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::naming::{NamedPart, OtherDisc, named};
 use super::picture;
-use super::scale::{AGREE, PictureScale, ScaleFit, ScaleSource, Sizes};
+use super::scale::{PictureScale, ScaleFit, ScaleSource, Sizes};
 use super::setup::{LocateSetup, Plane, Scale};
 use crate::cli::output::Failure;
 use upm_core::geometry::{Lens, Vec2};
@@ -27,6 +27,9 @@ const FILE_SD: f64 = 0.05;
 /// Standard deviation of corners that were found, and of those that a person gave, px.
 const FOUND_SD_PX: f64 = 0.15;
 const GIVEN_SD_PX: f64 = 3.0;
+/// Cells along the short side of the averages in which a plate is searched, one after the other: the fewer, the less
+/// remains of rulings, which are lines like its sides.
+const CELLS: [usize; 3] = [50, 100, 200];
 /// Tolerances of a rectangle, as of [`Table::of_rectangle`].
 const FOUND_OFF: [f64; 2] = [0.01, 0.02];
 const GIVEN_OFF: [f64; 2] = [0.2, 0.3];
@@ -91,7 +94,22 @@ pub(super) fn locate_picture(image: &Path, setting: &LocateSetup) -> Result<Loca
 fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) -> Result<SeenPlane, TableFault> {
     let picture_px = [frame.width, frame.height];
     let size_m = if let Scale::Size(size_m) = setting.scale { size_m } else { [PAPERS_SIDE_M; 2] };
-    let (corners, most_off, sd_px) = match (&setting.plane, &setting.rig) {
+    let through = |corners: [Vec2; 4], most_off: [f64; 2], sd_px: f64| {
+        let size_m = as_it_lies(corners, size_m);
+        let (lens, focal_sd) = match &setting.rig {
+            Some(rig) => (rig.lens, 0.0),
+            None => {
+                let expected = Lens::centered(picture_px, focal_sides.unwrap_or(FOCAL_SIDES));
+                let known = focal_from_corners(corners, size_m[1] / size_m[0], [expected.focal_px, sd_px], &expected);
+                let (focal_px, share) = known.ok_or(TableFault::NotASquare)?;
+                let sd = if focal_sides.is_some() { FILE_SD } else { GUESS_SD };
+                (Lens { focal_px, ..expected }, sd * (1.0 - share))
+            }
+        };
+        let ideal = corners.map(|corner| lens.ideal_from_image(corner));
+        Ok(SeenPlane { table: Table::of_rectangle(ideal, size_m, &lens, most_off)?, focal_sd })
+    };
+    match (&setting.plane, &setting.rig) {
         (Plane::Whole, _) => {
             // from so far that parts show no height
             let lens = Lens::centered(picture_px, 1e6);
@@ -99,27 +117,18 @@ fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) ->
             let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
             let corners = corners.map(|corner| Vec2::from(corner) - Vec2::repeat(0.5));
             let size_m = [size_m[0], size_m[0] * height / width];
-            return Ok(SeenPlane { table: Table::of_rectangle(corners, size_m, &lens, GIVEN_OFF)?, focal_sd: 0.0 });
+            Ok(SeenPlane { table: Table::of_rectangle(corners, size_m, &lens, GIVEN_OFF)?, focal_sd: 0.0 })
         }
-        (Plane::Found, Some(rig)) => {
-            return Ok(SeenPlane { table: locate_table(frame, &rig.lens, size_m[0])?, focal_sd: 0.0 });
+        (Plane::Found, Some(rig)) => Ok(SeenPlane { table: locate_table(frame, &rig.lens, size_m[0])?, focal_sd: 0.0 }),
+        (Plane::Found, None) => {
+            let with = |cells| {
+                let corners = locate_corners(frame, size_m[0] / size_m[1], cells)?;
+                through(corners, FOUND_OFF, FOUND_SD_PX)
+            };
+            CELLS.into_iter().fold(Err(TableFault::NoEdges), |found, cells| found.or_else(|_| with(cells)))
         }
-        (Plane::Found, None) => (locate_corners(frame, size_m[0] / size_m[1])?, FOUND_OFF, FOUND_SD_PX),
-        (Plane::Corners(corners), _) => (in_turn(*corners), GIVEN_OFF, GIVEN_SD_PX),
-    };
-    let size_m = as_it_lies(corners, size_m);
-    let (lens, focal_sd) = match &setting.rig {
-        Some(rig) => (rig.lens, 0.0),
-        None => {
-            let expected = Lens::centered(picture_px, focal_sides.unwrap_or(FOCAL_SIDES));
-            let known = focal_from_corners(corners, size_m[1] / size_m[0], [expected.focal_px, sd_px], &expected);
-            let (focal_px, share) = known.ok_or(TableFault::NotASquare)?;
-            let sd = if focal_sides.is_some() { FILE_SD } else { GUESS_SD };
-            (Lens { focal_px, ..expected }, sd * (1.0 - share))
-        }
-    };
-    let ideal = corners.map(|corner| lens.ideal_from_image(corner));
-    Ok(SeenPlane { table: Table::of_rectangle(ideal, size_m, &lens, most_off)?, focal_sd })
+        (Plane::Corners(corners), _) => through(in_turn(*corners), GIVEN_OFF, GIVEN_SD_PX),
+    }
 }
 
 /// Corners in the order in which they go round clockwise as the picture is seen.
@@ -156,27 +165,16 @@ fn scaled(
         Scale::PxPerM(px_per_m) => {
             (ScaleFit::of(table.px_per_m_at(Vec2::zeros()) / px_per_m), sure(ScaleSource::Given))
         }
-        Scale::Part(kind, Some(at_px)) => {
-            let off = |disc: &&DetectedDisc| (disc.center_px - at_px).norm() / disc.radius_px;
-            let disc = discs.iter().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|disc| off(disc) < 1.0);
-            let disc =
-                disc.ok_or_else(|| format!("--scale-from: no disc at {},{}; {}", at_px.x, at_px.y, places(&discs)))?;
-            (ScaleFit::of(sizes.of_part(disc, &setting.known[*kind])), sure(ScaleSource::Part))
+        Scale::Part(kind, at_px) => {
+            let (fit, doubt) = sizes.from_part(*kind, *at_px)?;
+            (fit, PictureScale { source: ScaleSource::Part, doubt })
         }
-        Scale::Part(kind, None) => match <[ScaleFit; 1]>::try_from(sizes.scales(Some(*kind))) {
-            Ok([fit]) => (fit, sure(ScaleSource::Part)),
-            Err(_) => {
-                let name = &setting.known[*kind].name;
-                return Err(format!("--scale-from: which disc is the {name}? {}", places(&discs)));
-            }
-        },
         Scale::Unknown => {
             let fits = sizes.scales(None);
             match fits.as_slice() {
                 [fit] if fit.kinds.len() >= 2 => {
                     let source = if fit.kinds.len() > 2 { ScaleSource::Parts } else { ScaleSource::TwoKinds };
-                    let off = format!("the parts differ by {:.1} % from any one scale", 100.0 * fit.off);
-                    (fit.clone(), PictureScale { doubt: (fit.off > AGREE).then_some(off), ..sure(source) })
+                    (fit.clone(), PictureScale { source, doubt: sizes.doubt(fit) })
                 }
                 _ => {
                     let doubt = Some("no two kinds of parts determine it".to_owned());
@@ -194,14 +192,6 @@ fn scaled(
         DetectedDisc { at_m, radius_m, ..disc }
     };
     Ok((table, discs.into_iter().map(of_scale).collect(), scale))
-}
-
-/// Places of discs, as `--scale-from` takes them.
-fn places(discs: &[DetectedDisc]) -> String {
-    const MOST: usize = 12;
-    let at = |disc: &DetectedDisc| format!("{:.0},{:.0}", disc.center_px.x, disc.center_px.y);
-    let places: Vec<String> = discs.iter().take(MOST).map(at).collect();
-    if places.is_empty() { "no disc was found".to_owned() } else { format!("discs are at {}", places.join(" ")) }
 }
 
 /// Fault of the table search, with what a person can do.
