@@ -33,9 +33,6 @@ const APART: f64 = 0.85;
 const AS_WELL: f64 = 0.75;
 /// Largest deviation of a radius from a seed's, as a fraction of it.
 const SEED_WINDOW: f64 = 0.2;
-/// Most circles tried, and most discs.
-const MOST_TRIED: usize = 800;
-const MOST_DISCS: usize = 256;
 
 /// Finds discs of any size on the plate of `frame`, sorted from the top of the picture to the bottom.
 ///
@@ -46,8 +43,8 @@ pub fn survey(frame: &Frame, table: &Table) -> Vec<DetectedDisc> {
     let closed = extreme(&extreme(frame, bin, u8::max), bin, u8::min);
     let mut discs = discs_in(frame, table, bin);
     let mut more = discs_in(&closed, table, bin);
-    let shown = |old: &DetectedDisc, new: &DetectedDisc| old.outline_share >= SURE_SHARE * new.outline_share;
-    more.retain(|new| !discs.iter().any(|old| is_same(old, new) && shown(old, new)));
+    let stays = |old: &DetectedDisc, new: &DetectedDisc| old.outline_share >= SURE_SHARE * new.outline_share;
+    more.retain(|new| !discs.iter().any(|old| is_same(old, new) && stays(old, new)));
     discs.retain(|old| !more.iter().any(|new| is_same(old, new)));
     discs.extend(more);
     discs.sort_by(|a, b| a.center_px.y.total_cmp(&b.center_px.y).then(a.center_px.x.total_cmp(&b.center_px.x)));
@@ -75,11 +72,9 @@ fn discs_in(frame: &Frame, table: &Table, bin: usize) -> Vec<DetectedDisc> {
     let gauge = OutlineGauge::new(&sampler, table);
     let mut votes = Votes::of(&picture, table);
     let mut found: Vec<DetectedDisc> = Vec::new();
-    let mut tried = 0;
-    while let Some(cell) = votes.next_middle().filter(|_| tried < MOST_TRIED && found.len() < MOST_DISCS) {
+    while let Some(cell) = votes.next_middle() {
         let at_m = table.table_from_image(picture.frame_from_cell(cell));
         for radius_cells in votes.radii_about(cell) {
-            tried += 1;
             let disc = gauge.measure(at_m, radius_cells * bin as f64 / table.px_per_m_at(at_m), SEED_WINDOW);
             let Some(disc) = disc.filter(|disc| disc.outline_share >= LEAST_SHARE) else { continue };
             let middle = (disc.center_px - picture.frame_from_cell(Vec2::zeros())) / bin as f64;
@@ -91,9 +86,7 @@ fn discs_in(frame: &Frame, table: &Table, bin: usize) -> Vec<DetectedDisc> {
             }
         }
     }
-    let mut discs = apart(found);
-    gauge.allow_for_neighbours(&mut discs);
-    discs
+    apart(found)
 }
 
 /// Middle and radius, m, of the outline of a part of `kind` with its foot at `foot_m`: that of foot and top together.

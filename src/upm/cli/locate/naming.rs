@@ -1,6 +1,6 @@
 //! Kind and score of each disc found: a part of a kind looked for, or another disc with the reason.
 
-use super::scale::{PictureScale, SHARP, foot_m};
+use super::scale::{PictureScale, SHARP};
 use super::setup::LocateSetup;
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
@@ -55,7 +55,7 @@ pub(super) fn named(
             some.min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
         };
         let part = nearest(&|kind| setting.wanted[kind]).map(|(kind, off)| {
-            let foot_m = foot_m(table, disc, &setting.known[kind]);
+            let foot_m = 2.0 * disc.at_m - seen_outline_m(table, disc.at_m, &setting.known[kind]).0;
             scored(disc, NamedPart { disc: disc.clone(), kind, foot_m, score: scale.trust(), doubts: Vec::new() }, off)
         });
         match part.filter(|part| part.score >= LEAST_SCORE) {
