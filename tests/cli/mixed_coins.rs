@@ -122,7 +122,7 @@ fn mixed_coins_are_named_doubted_or_reported() {
 fn campaign_of_coins_on_cloth_wood_and_paper() {
     let folder = TempDir::new().unwrap();
     let (mut tally, mut off) = (Tally::default(), Vec::new());
-    for picture in everywhere(SEED) {
+    for picture in (SEED..SEED + 3).flat_map(everywhere) {
         let [x, y] = picture.centers_px()[0];
         let from = format!("{}@{x:.0},{y:.0}", picture.coins[0].name.unwrap());
         let options = ["--json", "--plate", "whole", "--scale-from", &from];
@@ -136,6 +136,6 @@ fn campaign_of_coins_on_cloth_wood_and_paper() {
     }
     let far = off.iter().filter(|off| **off > 0.015).count();
     eprintln!("{tally:?}; {far} of {} diameters off by more than 1.5 %", off.len());
-    assert!(tally.named * 100 >= 95 * tally.coins && tally.invented <= 1, "{tally:?}");
+    assert!(tally.named * 100 >= 95 * tally.coins && tally.invented <= 3, "{tally:?}");
     assert!(far * 50 <= off.len(), "{far} of {}", off.len());
 }

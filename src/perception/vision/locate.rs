@@ -113,25 +113,25 @@ pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<Table, Ta
         return Table::from_ideal_corners(corners, side_m, lens);
     }
     check(frame, lens, side_m)?;
-    Table::from_ideal_corners(corners(frame, lens, QuadShape::SQUARE)?, side_m, lens)
+    Table::from_ideal_corners(corners(frame, lens, QuadShape::SQUARE, COARSE_CELLS)?, side_m, lens)
 }
 
 /// Finds the four corners of a rectangle, `aspect` times as long as high or as high as long, in a picture of a camera
-/// about which nothing is known; clockwise, px.
+/// about which nothing is known; clockwise, px. Lines are searched in an average of `cells` along the short side.
 ///
 /// # Errors
 /// As [`locate_table`].
-pub fn locate_corners(frame: &Frame, aspect: f64) -> Result<[Vec2; 4], TableFault> {
+pub fn locate_corners(frame: &Frame, aspect: f64, cells: usize) -> Result<[Vec2; 4], TableFault> {
     let lens = Lens::centered([frame.width, frame.height], 1.0);
     check(frame, &lens, 1.0)?;
-    corners(frame, &lens, QuadShape::in_perspective(aspect))
+    corners(frame, &lens, QuadShape::in_perspective(aspect), cells)
 }
 
 /// Corners of the one table in ideal coordinates.
-fn corners(frame: &Frame, lens: &Lens, shape: QuadShape) -> Result<[Vec2; 4], TableFault> {
+fn corners(frame: &Frame, lens: &Lens, shape: QuadShape, cells: usize) -> Result<[Vec2; 4], TableFault> {
     let too_small = TableFault::TooSmall { width: frame.width, height: frame.height };
     let sampler = Sampler::new(frame).ok_or(too_small)?;
-    let bin = (frame.width.min(frame.height) / COARSE_CELLS).max(1);
+    let bin = (frame.width.min(frame.height) / cells).max(1);
     let points = edges(&BinnedImage::of(frame, bin));
     if points.is_empty() {
         return Err(TableFault::NoEdges);

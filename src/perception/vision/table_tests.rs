@@ -101,7 +101,7 @@ fn focal_length_follows_from_a_tilted_square() {
         scene.tilt_rad = [tilt_deg.to_radians(), 0.0, 0.3];
         let far = 1.6 * SIDE_M * scene.lens.focal_px / height as f64;
         scene.camera_m = Vector3::new(0.0, far * scene.tilt_rad[0].sin(), far * scene.tilt_rad[0].cos());
-        let corners = locate_corners(&scene.frame(), 1.0).unwrap();
+        let corners = locate_corners(&scene.frame(), 1.0, 100).unwrap();
         let (focal_px, share) = focal_from_corners(corners, 1.0, [1000.0, 0.15], &scene.lens).unwrap();
         let off = focal_px / scene.lens.focal_px - 1.0;
         assert!(off.abs() < 0.05 && share > 0.9, "{focal_sides} widths at {tilt_deg}: {off}, {share}");
@@ -175,7 +175,7 @@ fn oblong_is_no_square_but_a_rectangle() {
     }
     let wanted = "and left are 2.00 to 1 (most 1.4)";
     assert!(fault(&frame).to_string().contains(wanted), "{}", fault(&frame));
-    assert!(locate_corners(&frame, 0.5).is_ok());
+    assert!(locate_corners(&frame, 0.5, 100).is_ok());
 }
 
 proptest! {

@@ -25,8 +25,6 @@ const FAINTEST: f32 = 3.0;
 /// Largest distance of a crest from a circle it is on, radii and px.
 const ON_CIRCLE: f64 = 0.02;
 const ON_CIRCLE_PX: f64 = 0.8;
-/// A middle farther from the estimate than this, radii, is another disc's.
-const FARTHEST: f64 = 0.25;
 /// Largest slope along the outline over that across it where an edge is part of it: an angle of 14°.
 const ALONG: f32 = 0.25;
 const LEAST_SD: f32 = 1e-3;
@@ -69,22 +67,6 @@ impl<'a> OutlineGauge<'a> {
         let (center, radius) = self.consensus(&self.crests(at_m, radius_m)?, window)?;
         let disc = self.fit(&self.crests(at_m + center * radius_m, radius * radius_m)?)?;
         self.table.holds(disc.at_m, 0.5 * disc.radius_m).then_some(disc)
-    }
-
-    /// Refers the discs' outline shares to the outline that the others leave visible.
-    pub(super) fn allow_for_neighbours(&self, discs: &mut [DetectedDisc]) {
-        let open_share = |disc: &DetectedDisc| {
-            let reach_m = 1.03 * disc.radius_m + 1.5 / self.table.px_per_m_at(disc.at_m);
-            let is_open = |ray: &&Vec2| {
-                let covers = |other: &DetectedDisc| (other.at_m - disc.at_m - *ray * reach_m).norm() <= other.radius_m;
-                discs.iter().all(|other| other == disc || !covers(other))
-            };
-            self.rays.directions.iter().filter(is_open).count() as f64 / RAYS as f64
-        };
-        let shares: Vec<f64> = discs.iter().map(open_share).collect();
-        for (disc, open) in discs.iter_mut().zip(shares) {
-            disc.outline_share = (disc.outline_share / open.max(0.25)).min(1.0);
-        }
     }
 
     fn crests(&self, origin_m: Vec2, radius_m: f64) -> Option<Crests> {
@@ -140,7 +122,7 @@ impl<'a> OutlineGauge<'a> {
             let radius = (a.at + b.at + c.at) / 3.0;
             let end = |(i, crest): (usize, &&Crest)| self.rays.directions[slots % THIRD + i * THIRD] * crest.at;
             let center = [a, b, c].iter().enumerate().map(end).sum::<Vec2>() * (2.0 / 3.0);
-            if (radius - 1.0).abs() <= window && center.norm() <= FARTHEST {
+            if (radius - 1.0).abs() <= window {
                 let votes = (0..RAYS)
                     .filter_map(|k| self.on(crests, k, center, radius, near))
                     .map(|crest| crest.sharpness)

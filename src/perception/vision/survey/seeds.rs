@@ -16,7 +16,7 @@ const SECTORS: usize = 8;
 /// alike everywhere.
 const LEAST_VOTES: f32 = 10.0;
 /// Most places tried.
-const MOST_PEAKS: usize = 1000;
+const MOST_PEAKS: usize = 400;
 /// Share of a circle that edges must cover for its radius to become a seed.
 const LEAST_COVER: f64 = 0.25;
 /// Least cosine between an edge's gradient and the radius of the circle it belongs to.
@@ -31,7 +31,7 @@ pub(super) struct Votes {
     width: usize,
     /// Positions in cells.
     edges: Vec<EdgePoint>,
-    radii: (f64, f64),
+    largest: f64,
     /// Places by votes, most votes last.
     peaks: Vec<(f32, usize)>,
 }
@@ -46,7 +46,7 @@ impl Votes {
         for edge in &mut edges {
             edge.at_px = (edge.at_px - picture.frame_from_cell(Vec2::zeros())) / bin;
         }
-        let mut votes = Self { width, edges, radii: (LEAST_RADIUS, largest), peaks: Vec::new() };
+        let mut votes = Self { width, edges, largest, peaks: Vec::new() };
         votes.peaks = peaks(&votes.cast(height), width);
         votes
     }
@@ -54,14 +54,13 @@ impl Votes {
     /// Votes of all edges, by cell and direction.
     fn cast(&self, height: usize) -> Vec<[u8; SECTORS]> {
         let mut votes = vec![[0u8; SECTORS]; self.width * height];
-        let (least, largest) = self.radii;
         for edge in &self.edges {
             for side in [1.0, -1.0] {
                 let step = edge.outward * side;
                 let turn = libm::atan2(step.y, step.x) / std::f64::consts::TAU + 1.0;
                 let sector = (turn * SECTORS as f64).round() as usize % SECTORS;
-                let mut at = edge.at_px + step * least;
-                for _ in 0..(largest - least) as usize {
+                let mut at = edge.at_px + step * LEAST_RADIUS;
+                for _ in 0..(self.largest - LEAST_RADIUS) as usize {
                     let (x, y) = ((at.x + 0.5) as usize, (at.y + 0.5) as usize);
                     if at.x > 0.0 && at.y > 0.0 && x < self.width && y < height {
                         let vote = &mut votes[y * self.width + x][sector];
@@ -82,11 +81,11 @@ impl Votes {
 
     /// Radii about a place with enough of the edges that are left, at most two, the one with most first.
     pub(super) fn radii_about(&self, cell: Vec2) -> Vec<f64> {
-        let mut counts = vec![0.0f64; self.radii.1 as usize + 3];
+        let mut counts = vec![0.0f64; self.largest as usize + 3];
         for edge in &self.edges {
             let off = edge.at_px - cell;
             let radius = off.norm();
-            if radius < self.radii.1 + 1.0 && off.dot(&edge.outward).abs() > ALONG_RADIUS * radius {
+            if radius < self.largest + 1.0 && off.dot(&edge.outward).abs() > ALONG_RADIUS * radius {
                 counts[radius.round() as usize] += 1.0;
             }
         }
@@ -119,20 +118,12 @@ fn peaks(votes: &[[u8; SECTORS]], width: usize) -> Vec<(f32, usize)> {
             around[y * width + x] = sums.iter().map(|&sum| f32::from(sum).sqrt()).sum();
         }
     }
-    let mut found = Vec::new();
-    for y in 2..height.saturating_sub(2) {
-        for x in 2..width.saturating_sub(2) {
-            let i = y * width + x;
-            let here = around[i];
-            if here < LEAST_VOTES {
-                continue;
-            }
-            let neighbours = (0..25).filter(|&k| k != 12).map(|k| (k, around[(y + k / 5 - 2) * width + x + k % 5 - 2]));
-            if neighbours.into_iter().all(|(k, other)| if k < 12 { here > other } else { here >= other }) {
-                found.push((here, i));
-            }
-        }
-    }
+    let is_peak = |&i: &usize| {
+        let near = (0..25).map(|k| i + k / 5 * width + k % 5).map(|k| k.checked_sub(2 * width + 2));
+        near.flatten().all(|k| around.get(k).is_none_or(|other| (*other, i) <= (around[i], k)))
+    };
+    let all = (0..around.len()).filter(|&i| around[i] >= LEAST_VOTES).filter(is_peak);
+    let mut found: Vec<(f32, usize)> = all.map(|i| (around[i], i)).collect();
     found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     found.drain(..found.len().saturating_sub(MOST_PEAKS));
     found

@@ -1,6 +1,6 @@
 //! Kind and score of each disc found: a part of a kind looked for, or another disc with the reason.
 
-use super::scale::{PictureScale, foot_m};
+use super::scale::{PictureScale, SHARP};
 use super::setup::LocateSetup;
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
@@ -10,10 +10,8 @@ use upm_perception::vision::{DetectedDisc, Table, seen_outline_m};
 const MOST_OFF: f64 = 0.035;
 /// Relative deviation of the diameter that halves a score.
 const HALF_OFF: f64 = 0.03;
-/// Share of the outline and sharpness of the rim from which on a score is not reduced; sharpness that reduces it to a
-/// tenth.
+/// Share of the outline from which on a score is not reduced, and sharpness of the rim that reduces it to a tenth.
 const WHOLE_OUTLINE: f64 = 0.85;
-const SHARP: f64 = 0.57;
 const BLURRED: f64 = 0.30;
 /// Least score of a named part; below it the disc is reported as unclear.
 const LEAST_SCORE: f64 = 0.4;
@@ -57,7 +55,7 @@ pub(super) fn named(
             some.min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
         };
         let part = nearest(&|kind| setting.wanted[kind]).map(|(kind, off)| {
-            let foot_m = foot_m(table, disc, &setting.known[kind]);
+            let foot_m = 2.0 * disc.at_m - seen_outline_m(table, disc.at_m, &setting.known[kind]).0;
             scored(disc, NamedPart { disc: disc.clone(), kind, foot_m, score: scale.trust(), doubts: Vec::new() }, off)
         });
         match part.filter(|part| part.score >= LEAST_SCORE) {

@@ -31,20 +31,13 @@ pub(super) struct InputPicture {
     pub focal_sides: Option<f64>,
 }
 
-pub(super) fn read(path: &Path) -> Result<InputPicture, Failure> {
-    let refuse = |found: String| {
-        Failure::bad_input(format!(
-            "{}: expected a picture (PNG, JPEG, BMP, PNM or TIFF), found {found}",
-            path.display()
-        ))
-    };
-    let unread = |error: io::Error| {
-        let (path, why) = (path.display(), reason(&error));
-        Failure::bad_input(format!("cannot read {path}: {why}; expected a picture (PNG, JPEG, BMP, PNM or TIFF)"))
-    };
+pub(super) fn read(file: &Path) -> Result<InputPicture, Failure> {
+    let (path, wanted) = (file.display(), "expected a picture (PNG, JPEG, BMP, PNM or TIFF)");
+    let refuse = |found: String| Failure::bad_input(format!("{path}: {wanted}, found {found}"));
+    let unread = |error: io::Error| Failure::bad_input(format!("cannot read {path}: {}; {wanted}", reason(&error)));
     let mut bytes = Vec::new();
-    let file = File::open(path).map_err(unread)?;
-    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(unread)?;
+    let opened = File::open(file).map_err(unread)?;
+    opened.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(unread)?;
     if bytes.len() as u64 > MOST_BYTES {
         return Err(refuse(format!("a file larger than {} MB", MOST_BYTES >> 20)));
     }

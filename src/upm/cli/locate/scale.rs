@@ -14,10 +14,12 @@ use upm_perception::vision::{DetectedDisc, Table, seen_outline_m};
 const FITS: [f64; 6] = [0.025, 0.025, 0.02, 0.015, 0.012, 0.012];
 /// Relative difference below which two scales are the same.
 const SAME: f64 = 0.015;
+/// Width of a coin's raised border at most, as a share of its radius.
+const BORDER: f64 = 0.1;
 /// Standard deviation of a measured size, relative.
 const SIZE_SD: f64 = 0.003;
 /// Root mean square deviation of the sizes of parts that agree with each other, relative.
-pub(super) const AGREE: f64 = 0.006;
+const AGREE: f64 = 0.006;
 /// Most discs of one kind that count, and the factor by which a scale's weight must exceed all others for it to be
 /// chosen.
 const MOST_WEIGHT: usize = 3;
@@ -25,6 +27,8 @@ const CLEARLY_MORE: f64 = 1.3;
 /// Least visible share of the outline, and least sharpness of it, for discs that the scale is estimated from.
 const LEAST_SHARE: f64 = 0.6;
 const LEAST_CRISPNESS: f64 = 0.45;
+/// Sharpness from which on a rim is that of the coin for sure.
+pub(super) const SHARP: f64 = 0.57;
 
 /// Source of a picture's scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -71,18 +75,14 @@ pub(super) struct ScaleFit {
     pub kinds: Vec<usize>,
     /// Root mean square deviation of those discs' sizes, relative.
     pub off: f64,
-    /// Number of those discs, up to [`MOST_WEIGHT`] of each kind.
-    weight: usize,
+    /// Number of those discs, up to [`MOST_WEIGHT`] of each kind, and of those kinds.
+    rank: (usize, usize),
 }
 
 impl ScaleFit {
     /// That scale, without any discs.
     pub(super) fn of(factor: f64) -> Self {
-        Self { factor, focal: 1.0, kinds: Vec::new(), off: 0.0, weight: 0 }
-    }
-
-    fn rank(&self) -> (usize, usize) {
-        (self.weight, self.kinds.len())
+        Self { factor, focal: 1.0, kinds: Vec::new(), off: 0.0, rank: (0, 0) }
     }
 }
 
@@ -100,37 +100,57 @@ impl Sizes<'_> {
     pub(super) fn scales(&self, kind: Option<usize>) -> Vec<ScaleFit> {
         let clear = |disc: &&DetectedDisc| disc.outline_share >= LEAST_SHARE && disc.crispness >= LEAST_CRISPNESS;
         let discs: Vec<&DetectedDisc> = self.discs.iter().filter(clear).collect();
-        let mut fits: Vec<ScaleFit> = Vec::new();
-        for disc in &discs {
-            for (_, start) in self.kinds.iter().enumerate().filter(|(i, _)| kind.is_none_or(|kind| kind == *i)) {
-                let fit = self.fitted(start.radius_m / disc.radius_m, &discs, [true, kind.is_none()]);
-                let same = |other: &ScaleFit| (other.factor / fit.factor - 1.0).abs() < SAME;
-                match fits.iter_mut().find(|other| same(other)) {
-                    Some(other) if fit.rank() > other.rank() => *other = fit,
-                    Some(_) => {}
-                    None => fits.push(fit),
-                }
+        let starts = self.kinds.iter().enumerate().filter(|(i, _)| kind.is_none_or(|kind| kind == *i));
+        let starts = starts.flat_map(|(_, start)| discs.iter().map(|disc| start.radius_m / disc.radius_m));
+        let mut fits: Vec<ScaleFit> =
+            starts.map(|factor| self.fitted(factor, &discs, [true, kind.is_none()])).collect();
+        fits.retain(|fit| kind.is_none_or(|kind| fit.kinds.contains(&kind)));
+        fits.sort_by(|a, b| b.rank.cmp(&a.rank).then(a.factor.total_cmp(&b.factor)));
+        let most = fits.first().map_or(0, |fit| fit.rank.0);
+        fits.retain(|fit| fit.rank.0 as f64 * CLEARLY_MORE > most as f64);
+        let same = |a: &ScaleFit, b: &ScaleFit| (a.factor / b.factor - 1.0).abs() < SAME;
+        (0..fits.len()).filter(|&i| !fits[..i].iter().any(|fit| same(fit, &fits[i]))).map(|i| fits[i].clone()).collect()
+    }
+
+    /// The scale under which the disc at a place, px, is a part of `kind`, and what speaks against it. Where parts of
+    /// three kinds or more agree on another one, the inner edge of its raised border may have been taken for its rim.
+    pub(super) fn from_part(&self, kind: usize, at_px: Option<Vec2>) -> Result<(ScaleFit, Option<String>), String> {
+        let name = &self.kinds[kind].name;
+        let Some(at_px) = at_px else {
+            let which = |_| format!("--scale-from: which disc is the {name}? {}", self.places());
+            return <[ScaleFit; 1]>::try_from(self.scales(Some(kind))).map(|[fit]| (fit, None)).map_err(which);
+        };
+        let at = format!("{},{}", at_px.x, at_px.y);
+        let off = |disc: &&DetectedDisc| (disc.center_px - at_px).norm() / disc.radius_px;
+        let nearest = self.discs.iter().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|disc| off(disc) < 1.0);
+        let alone = Sizes { kinds: &self.kinds[kind..=kind], ..*self };
+        let named = nearest.map(|disc| alone.fitted(self.kinds[kind].radius_m / disc.radius_m, &[disc], [true, false]));
+        let agreed = <[ScaleFit; 1]>::try_from(self.scales(None)).ok().filter(|[fit]| fit.kinds.len() > 2);
+        match (named, agreed) {
+            (None, None) => Err(format!("--scale-from: no disc at {at}; {}", self.places())),
+            (Some(named), None) => Ok((named, None)),
+            (None, Some([fit])) => Ok((fit, Some(format!("no disc at {at}; the other parts give the scale")))),
+            (Some(named), Some([fit])) => {
+                let off = (fit.factor / named.factor - 1.0).abs();
+                let doubt = format!("the {name} at {at} is {:.1} % off the other parts' scale", 100.0 * off);
+                Ok((if off < BORDER { fit } else { named }, (off > SAME).then_some(doubt)))
             }
         }
-        fits.retain(|fit| kind.is_none_or(|kind| fit.kinds.contains(&kind)));
-        fits.sort_by(|a, b| b.rank().cmp(&a.rank()).then(a.factor.total_cmp(&b.factor)));
-        let most = fits.first().map_or(0, |fit| fit.weight);
-        fits.retain(|fit| fit.weight as f64 * CLEARLY_MORE > most as f64);
-        fits
     }
 
-    /// The provisional scale with the focal length that agrees best with the discs.
-    pub(super) fn refocused(&self) -> ScaleFit {
-        self.fitted(1.0, &self.discs.iter().collect::<Vec<_>>(), [false, true])
+    /// Doubt about a scale that was found: sizes that differ, or rims that are those of shadows or of a blur.
+    pub(super) fn doubt(&self, fit: &ScaleFit) -> Option<String> {
+        let soft = self.discs.iter().filter(|disc| disc.crispness < SHARP).count() * 2 > self.discs.len();
+        let off = || format!("the parts differ by {:.1} % from any one scale", 100.0 * fit.off);
+        (fit.off > AGREE).then(off).or_else(|| soft.then(|| "the parts' rims are soft".to_owned()))
     }
 
-    /// The scale under which `disc` is a part of `kind`.
-    pub(super) fn of_part(&self, disc: &DetectedDisc, kind: &PartKind) -> f64 {
-        let mut factor = kind.radius_m / disc.radius_m;
-        for _ in 0..4 {
-            factor = kind.radius_m * libm::exp(self.swelling(disc, kind, factor)) / disc.radius_m;
-        }
-        factor
+    /// Places of discs, as `--scale-from` takes them.
+    fn places(&self) -> String {
+        const MOST: usize = 12;
+        let at = |disc: &DetectedDisc| format!("{:.0},{:.0}", disc.center_px.x, disc.center_px.y);
+        let places: Vec<String> = self.discs.iter().take(MOST).map(at).collect();
+        if places.is_empty() { "no disc was found".to_owned() } else { format!("discs are at {}", places.join(" ")) }
     }
 
     /// Logarithm of the ratio by which height and side wall enlarge the outline of a part of `kind`.
@@ -142,7 +162,7 @@ impl Sizes<'_> {
 
     /// The scale near `factor`, fitted again and again to the discs that have the size of a kind: logarithms of their
     /// sizes are that of the scale and a multiple of the swelling, which is as uncertain as the focal length.
-    fn fitted(&self, factor: f64, discs: &[&DetectedDisc], [may_scale, may_refocus]: [bool; 2]) -> ScaleFit {
+    pub(super) fn fitted(&self, factor: f64, discs: &[&DetectedDisc], [may_scale, may_refocus]: [bool; 2]) -> ScaleFit {
         let mut fit = ScaleFit::of(factor);
         let mut counts = vec![0; self.kinds.len()];
         for fits in FITS {
@@ -177,14 +197,9 @@ impl Sizes<'_> {
             fit.focal = 1.0 / gain;
         }
         fit.kinds = (0..counts.len()).filter(|&kind| counts[kind] > 0).collect();
-        fit.weight = counts.iter().map(|&count: &usize| count.min(MOST_WEIGHT)).sum();
+        fit.rank = (counts.iter().map(|&count: &usize| count.min(MOST_WEIGHT)).sum(), fit.kinds.len());
         fit
     }
-}
-
-/// Middle of the foot, m, of a part of `kind` whose outline is `disc`.
-pub(super) fn foot_m(table: &Table, disc: &DetectedDisc, kind: &PartKind) -> Vec2 {
-    disc.at_m - (seen_outline_m(table, disc.at_m, kind).0 - disc.at_m)
 }
 
 #[cfg(test)]
@@ -217,6 +232,16 @@ mod tests {
         let [fit] = &scales[..] else { panic!("{scales:?}") };
         assert!((fit.factor * 0.2032 / 0.26 - 1.0).abs() < 3e-3 && fit.kinds.len() == 3, "{fit:?}");
         assert!((fit.focal * 1.2 / 0.75 - 1.0).abs() < 0.25 && fit.off < 1e-3, "{fit:?}");
+        // the inner edge of a border was taken for a rim: the other parts know better, and a doubt says so
+        let mut inner = [discs.clone(), vec![discs[3].clone(); 2]].concat();
+        (inner[0].radius_m, inner[0].radius_px) = (0.93 * inner[0].radius_m, 0.93 * inner[0].radius_px);
+        let right_lens = table(0.2032, 0.75);
+        let sizes = |discs| Sizes { table: &right_lens, discs, kinds: &kinds, focal_sd: 0.0 };
+        let scale = |discs, place| sizes(discs).from_part(0, place).unwrap();
+        let [(right, none), (mended, some)] = [&discs, &inner].map(|all| scale(all, Some(all[0].center_px)));
+        assert!(none.is_none() && (mended.factor / right.factor - 1.0).abs() < 5e-3, "{right:?} {mended:?}");
+        assert!(some.unwrap().contains("7."), "{mended:?}");
+        assert!(sizes(&discs).from_part(0, Some(Vec2::new(1e4, 0.0))).unwrap().1.is_some());
         // one kind alone leaves a scale for every kind
         let pennies: Vec<DetectedDisc> = discs.iter().step_by(3).cloned().collect();
         assert!(Sizes { table: &assumed, discs: &pennies, kinds: &kinds, focal_sd: 0.0 }.scales(None).len() >= 3);

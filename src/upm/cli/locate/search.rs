@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::naming::{NamedPart, OtherDisc, named};
 use super::picture;
-use super::scale::{AGREE, PictureScale, ScaleFit, ScaleSource, Sizes};
+use super::scale::{PictureScale, ScaleFit, ScaleSource, Sizes};
 use super::setup::{LocateSetup, Plane, Scale};
 use crate::cli::output::Failure;
 use upm_core::geometry::{Lens, Vec2};
@@ -27,6 +27,11 @@ const FILE_SD: f64 = 0.05;
 /// Standard deviation of corners that were found, and of those that a person gave, px.
 const FOUND_SD_PX: f64 = 0.15;
 const GIVEN_SD_PX: f64 = 3.0;
+/// Cells along the short side of the averages in which a plate is searched, one after the other: the fewer, the less
+/// remains of rulings, which are lines like its sides.
+const CELLS: [usize; 3] = [50, 100, 200];
+/// A picture is not taken from straight above where more than one of so many discs has no known size.
+const MOST_UNKNOWN: usize = 6;
 /// Tolerances of a rectangle, as of [`Table::of_rectangle`].
 const FOUND_OFF: [f64; 2] = [0.01, 0.02];
 const GIVEN_OFF: [f64; 2] = [0.2, 0.3];
@@ -52,13 +57,6 @@ pub(super) struct TimeUs {
     pub parts: f64,
 }
 
-/// The plane of the parts, of a provisional size where its scale is not known.
-struct SeenPlane {
-    table: Table,
-    /// Relative deviation of the focal length.
-    focal_sd: f64,
-}
-
 /// Reads the picture at `image`, finds the plane and the discs on it, scales and names them.
 pub(super) fn locate_picture(image: &Path, setting: &LocateSetup) -> Result<LocatedPicture, Failure> {
     let clock = MonotonicClock::new();
@@ -71,27 +69,49 @@ pub(super) fn locate_picture(image: &Path, setting: &LocateSetup) -> Result<Loca
     let failed = |why: String| Failure::failed(format!("{}: {why}", image.display()));
     if let Some(rig) = setting.rig.as_ref().filter(|rig| rig.frame_size_px != [frame.width, frame.height]) {
         let ([width, height], name) = (rig.frame_size_px, &rig.name);
-        let found = format!("found {}x{} px", frame.width, frame.height);
-        let wanted = format!("expected {width}x{height} px from the camera of rig {name}, {found}");
-        return Err(Failure::bad_input(format!("{}: {wanted}", image.display())));
+        let (found, image) = (format!("found {}x{} px", frame.width, frame.height), image.display());
+        let wanted = format!("expected {width}x{height} px from the camera of rig {name}");
+        return Err(Failure::bad_input(format!("{image}: {wanted}, {found}")));
     }
     let plane = seen_plane(&frame, setting, picture.focal_sides)
         .map_err(|fault| failed(about_table(&fault, &setting.plane)))?;
     let found = clock.elapsed();
-    let discs = survey(&frame, &plane.table);
-    let (table, discs, scale) = scaled(plane, discs, setting).map_err(failed)?;
-    let (parts, others) = named(&discs, &table, setting, &scale);
+    let discs = survey(&frame, &plane.0);
+    let (table, discs, mut scale) = scaled(plane, discs, setting).map_err(failed)?;
+    let (mut parts, mut others) = named(&discs, &table, setting, &scale);
+    let unknown = others.iter().filter(|other| other.like.is_none()).count();
+    if matches!(setting.plane, Plane::Whole) && unknown * MOST_UNKNOWN > parts.len() + others.len() {
+        let doubt = format!("{unknown} discs have no known size: --corners gives the plane if the camera is tilted");
+        scale.doubt.get_or_insert(doubt);
+        (parts, others) = named(&discs, &table, setting, &scale);
+    }
     let [decode, table_time, parts_time] =
         [decoded, found - decoded, clock.elapsed() - found].map(|time| 1e6 * time.as_secs_f64());
     let time_us = TimeUs { decode, table: table_time, parts: parts_time };
     Ok(LocatedPicture { frame, table, scale, parts, others, time_us })
 }
 
-/// The plane through the rig's lens, or through one that follows from the plate's corners.
-fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) -> Result<SeenPlane, TableFault> {
+/// The plane through the rig's lens, or through one that follows from the plate's corners, of a provisional size where
+/// its scale is not known; and the relative deviation of the focal length.
+fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) -> Result<(Table, f64), TableFault> {
     let picture_px = [frame.width, frame.height];
     let size_m = if let Scale::Size(size_m) = setting.scale { size_m } else { [PAPERS_SIDE_M; 2] };
-    let (corners, most_off, sd_px) = match (&setting.plane, &setting.rig) {
+    let through = |corners: [Vec2; 4], most_off: [f64; 2], sd_px: f64| {
+        let size_m = as_it_lies(corners, size_m);
+        let (lens, focal_sd) = match &setting.rig {
+            Some(rig) => (rig.lens, 0.0),
+            None => {
+                let expected = Lens::centered(picture_px, focal_sides.unwrap_or(FOCAL_SIDES));
+                let known = focal_from_corners(corners, size_m[1] / size_m[0], [expected.focal_px, sd_px], &expected);
+                let (focal_px, share) = known.ok_or(TableFault::NotASquare)?;
+                let sd = if focal_sides.is_some() { FILE_SD } else { GUESS_SD };
+                (Lens { focal_px, ..expected }, sd * (1.0 - share))
+            }
+        };
+        let ideal = corners.map(|corner| lens.ideal_from_image(corner));
+        Ok((Table::of_rectangle(ideal, size_m, &lens, most_off)?, focal_sd))
+    };
+    match (&setting.plane, &setting.rig) {
         (Plane::Whole, _) => {
             // from so far that parts show no height
             let lens = Lens::centered(picture_px, 1e6);
@@ -99,27 +119,18 @@ fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) ->
             let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
             let corners = corners.map(|corner| Vec2::from(corner) - Vec2::repeat(0.5));
             let size_m = [size_m[0], size_m[0] * height / width];
-            return Ok(SeenPlane { table: Table::of_rectangle(corners, size_m, &lens, GIVEN_OFF)?, focal_sd: 0.0 });
+            Ok((Table::of_rectangle(corners, size_m, &lens, GIVEN_OFF)?, 0.0))
         }
-        (Plane::Found, Some(rig)) => {
-            return Ok(SeenPlane { table: locate_table(frame, &rig.lens, size_m[0])?, focal_sd: 0.0 });
+        (Plane::Found, Some(rig)) => Ok((locate_table(frame, &rig.lens, size_m[0])?, 0.0)),
+        (Plane::Found, None) => {
+            let with = |cells| {
+                let corners = locate_corners(frame, size_m[0] / size_m[1], cells)?;
+                through(corners, FOUND_OFF, FOUND_SD_PX)
+            };
+            CELLS.into_iter().fold(Err(TableFault::NoEdges), |found, cells| found.or_else(|_| with(cells)))
         }
-        (Plane::Found, None) => (locate_corners(frame, size_m[0] / size_m[1])?, FOUND_OFF, FOUND_SD_PX),
-        (Plane::Corners(corners), _) => (in_turn(*corners), GIVEN_OFF, GIVEN_SD_PX),
-    };
-    let size_m = as_it_lies(corners, size_m);
-    let (lens, focal_sd) = match &setting.rig {
-        Some(rig) => (rig.lens, 0.0),
-        None => {
-            let expected = Lens::centered(picture_px, focal_sides.unwrap_or(FOCAL_SIDES));
-            let known = focal_from_corners(corners, size_m[1] / size_m[0], [expected.focal_px, sd_px], &expected);
-            let (focal_px, share) = known.ok_or(TableFault::NotASquare)?;
-            let sd = if focal_sides.is_some() { FILE_SD } else { GUESS_SD };
-            (Lens { focal_px, ..expected }, sd * (1.0 - share))
-        }
-    };
-    let ideal = corners.map(|corner| lens.ideal_from_image(corner));
-    Ok(SeenPlane { table: Table::of_rectangle(ideal, size_m, &lens, most_off)?, focal_sd })
+        (Plane::Corners(corners), _) => through(in_turn(*corners), GIVEN_OFF, GIVEN_SD_PX),
+    }
 }
 
 /// Corners in the order in which they go round clockwise as the picture is seen.
@@ -142,7 +153,7 @@ fn as_it_lies(corners: [Vec2; 4], [a, b]: [f64; 2]) -> [f64; 2] {
 
 /// The table with its scale, the discs in it, and the source of the scale.
 fn scaled(
-    SeenPlane { table, focal_sd }: SeenPlane,
+    (table, focal_sd): (Table, f64),
     discs: Vec<DetectedDisc>,
     setting: &LocateSetup,
 ) -> Result<(Table, Vec<DetectedDisc>, PictureScale), String> {
@@ -152,31 +163,22 @@ fn scaled(
     let sure = |source| PictureScale { source, doubt: None };
     let (fit, scale) = match &setting.scale {
         Scale::Size(_) if setting.rig.is_some() => (same, sure(ScaleSource::Rig)),
-        Scale::Size(_) => (sizes.refocused(), sure(ScaleSource::Given)),
+        Scale::Size(_) => {
+            (sizes.fitted(1.0, &discs.iter().collect::<Vec<_>>(), [false, true]), sure(ScaleSource::Given))
+        }
         Scale::PxPerM(px_per_m) => {
             (ScaleFit::of(table.px_per_m_at(Vec2::zeros()) / px_per_m), sure(ScaleSource::Given))
         }
-        Scale::Part(kind, Some(at_px)) => {
-            let off = |disc: &&DetectedDisc| (disc.center_px - at_px).norm() / disc.radius_px;
-            let disc = discs.iter().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|disc| off(disc) < 1.0);
-            let disc =
-                disc.ok_or_else(|| format!("--scale-from: no disc at {},{}; {}", at_px.x, at_px.y, places(&discs)))?;
-            (ScaleFit::of(sizes.of_part(disc, &setting.known[*kind])), sure(ScaleSource::Part))
+        Scale::Part(kind, at_px) => {
+            let (fit, doubt) = sizes.from_part(*kind, *at_px)?;
+            (fit, PictureScale { source: ScaleSource::Part, doubt })
         }
-        Scale::Part(kind, None) => match <[ScaleFit; 1]>::try_from(sizes.scales(Some(*kind))) {
-            Ok([fit]) => (fit, sure(ScaleSource::Part)),
-            Err(_) => {
-                let name = &setting.known[*kind].name;
-                return Err(format!("--scale-from: which disc is the {name}? {}", places(&discs)));
-            }
-        },
         Scale::Unknown => {
             let fits = sizes.scales(None);
             match fits.as_slice() {
                 [fit] if fit.kinds.len() >= 2 => {
                     let source = if fit.kinds.len() > 2 { ScaleSource::Parts } else { ScaleSource::TwoKinds };
-                    let off = format!("the parts differ by {:.1} % from any one scale", 100.0 * fit.off);
-                    (fit.clone(), PictureScale { doubt: (fit.off > AGREE).then_some(off), ..sure(source) })
+                    (fit.clone(), PictureScale { source, doubt: sizes.doubt(fit) })
                 }
                 _ => {
                     let doubt = Some("no two kinds of parts determine it".to_owned());
@@ -194,14 +196,6 @@ fn scaled(
         DetectedDisc { at_m, radius_m, ..disc }
     };
     Ok((table, discs.into_iter().map(of_scale).collect(), scale))
-}
-
-/// Places of discs, as `--scale-from` takes them.
-fn places(discs: &[DetectedDisc]) -> String {
-    const MOST: usize = 12;
-    let at = |disc: &DetectedDisc| format!("{:.0},{:.0}", disc.center_px.x, disc.center_px.y);
-    let places: Vec<String> = discs.iter().take(MOST).map(at).collect();
-    if places.is_empty() { "no disc was found".to_owned() } else { format!("discs are at {}", places.join(" ")) }
 }
 
 /// Fault of the table search, with what a person can do.
