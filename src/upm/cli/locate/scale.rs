@@ -114,7 +114,7 @@ impl Sizes<'_> {
 
     /// The scale under which the disc at a place, px, is a part of `kind`, and what speaks against it. Where parts of
     /// three kinds or more agree on another one, the inner edge of its raised border may have been taken for its rim.
-    pub(super) fn from_part(&self, kind: usize, at_px: Option<Vec2>) -> Result<(ScaleFit, Option<String>), String> {
+    pub(super) fn part_scale(&self, kind: usize, at_px: Option<Vec2>) -> Result<(ScaleFit, Option<String>), String> {
         let name = &self.kinds[kind].name;
         let Some(at_px) = at_px else {
             let which = |_| format!("--scale-from: which disc is the {name}? {}", self.places());
@@ -237,11 +237,11 @@ mod tests {
         (inner[0].radius_m, inner[0].radius_px) = (0.93 * inner[0].radius_m, 0.93 * inner[0].radius_px);
         let right_lens = table(0.2032, 0.75);
         let sizes = |discs| Sizes { table: &right_lens, discs, kinds: &kinds, focal_sd: 0.0 };
-        let scale = |discs, place| sizes(discs).from_part(0, place).unwrap();
+        let scale = |discs, place| sizes(discs).part_scale(0, place).unwrap();
         let [(right, none), (mended, some)] = [&discs, &inner].map(|all| scale(all, Some(all[0].center_px)));
         assert!(none.is_none() && (mended.factor / right.factor - 1.0).abs() < 5e-3, "{right:?} {mended:?}");
         assert!(some.unwrap().contains("7."), "{mended:?}");
-        assert!(sizes(&discs).from_part(0, Some(Vec2::new(1e4, 0.0))).unwrap().1.is_some());
+        assert!(sizes(&discs).part_scale(0, Some(Vec2::new(1e4, 0.0))).unwrap().1.is_some());
         // one kind alone leaves a scale for every kind
         let pennies: Vec<DetectedDisc> = discs.iter().step_by(3).cloned().collect();
         assert!(Sizes { table: &assumed, discs: &pennies, kinds: &kinds, focal_sd: 0.0 }.scales(None).len() >= 3);

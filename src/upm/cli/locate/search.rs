@@ -127,7 +127,11 @@ fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) ->
                 let corners = locate_corners(frame, size_m[0] / size_m[1], cells)?;
                 through(corners, FOUND_OFF, FOUND_SD_PX)
             };
-            CELLS.into_iter().fold(Err(TableFault::NoEdges), |found, cells| found.or_else(|_| with(cells)))
+            let mut found = Err(TableFault::NoEdges);
+            for cells in CELLS {
+                found = found.or_else(|_| with(cells));
+            }
+            found
         }
         (Plane::Corners(corners), _) => through(in_turn(*corners), GIVEN_OFF, GIVEN_SD_PX),
     }
@@ -170,7 +174,7 @@ fn scaled(
             (ScaleFit::of(table.px_per_m_at(Vec2::zeros()) / px_per_m), sure(ScaleSource::Given))
         }
         Scale::Part(kind, at_px) => {
-            let (fit, doubt) = sizes.from_part(*kind, *at_px)?;
+            let (fit, doubt) = sizes.part_scale(*kind, *at_px)?;
             (fit, PictureScale { source: ScaleSource::Part, doubt })
         }
         Scale::Unknown => {
