@@ -97,14 +97,16 @@ impl Drive {
     /// The factors of the envelope's height, slope and curvature, of each motor at the phase with this sine and
     /// cosine: counts, counts·s and counts·s².
     fn parts_at(&self, sin_cos: (f64, f64)) -> [[f64; MOTORS]; 3] {
-        let f = sums_at(self.motors.each_ref(), sin_cos);
-        match &self.shaping {
-            Shaping::Velocity => [f, self.momenta_at(sin_cos), [0.0; MOTORS]],
-            Shaping::Displacement(flanks) => {
-                let of = |part: usize| sums_at(flanks.each_ref().map(|flank| &flank[part]), sin_cos);
-                [f, of(0), of(1)]
-            }
-        }
+        let Shaping::Displacement(flanks) = &self.shaping else {
+            return [sums_at(self.motors.each_ref(), sin_cos), self.momenta_at(sin_cos), [0.0; MOTORS]];
+        };
+        // in one pass: each multiple of the angle waits for the one before
+        let waves: [_; 3 * MOTORS] = std::array::from_fn(|i| match (i / MOTORS, i % MOTORS) {
+            (0, motor) => &self.motors[motor],
+            (part, motor) => &flanks[motor][part - 1],
+        });
+        let sums = sums_at(waves, sin_cos);
+        std::array::from_fn(|part| std::array::from_fn(|motor| sums[MOTORS * part + motor]))
     }
 
     /// `∫ f` of each motor at the phase with this sine and cosine, counts·s.
@@ -176,19 +178,19 @@ fn multiples((sin, cos): (f64, f64)) -> impl Iterator<Item = (f64, f64)> {
 
 /// `Σ c cos kwt + s sin kwt` of each wave at the phase with this sine and cosine.
 #[inline]
-fn sums_at(waves: [&Vec<Harmonic>; MOTORS], sin_cos: (f64, f64)) -> [f64; MOTORS] {
+fn sums_at<const N: usize>(waves: [&Vec<Harmonic>; N], sin_cos: (f64, f64)) -> [f64; N] {
     summed(waves, sin_cos, |_, harmonic, (sin, cos)| harmonic.cos * cos + harmonic.sin * sin)
 }
 
 /// Sum over harmonics k of `term(k, harmonic, (sin kwt, cos kwt))` of each wave, with sines and cosines made once for
 /// all.
 #[inline]
-fn summed(
-    waves: [&Vec<Harmonic>; MOTORS],
+fn summed<const N: usize>(
+    waves: [&Vec<Harmonic>; N],
     sin_cos: (f64, f64),
     term: impl Fn(usize, Harmonic, (f64, f64)) -> f64,
-) -> [f64; MOTORS] {
-    let mut sums = [0.0; MOTORS];
+) -> [f64; N] {
+    let mut sums = [0.0; N];
     let harmonics = waves.iter().map(|wave| wave.len()).max().unwrap_or(0);
     for (k, sin_cos) in (1..=harmonics).zip(multiples(sin_cos)) {
         for (sum, wave) in sums.iter_mut().zip(waves) {

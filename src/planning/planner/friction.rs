@@ -31,9 +31,10 @@ pub(crate) fn friction_of(library: &Library) -> Option<f64> {
 
 /// The friction at which a belt of `speed_mps` carries a point by `distance_m` in a pulse of this many sustain steps.
 fn friction_that_goes(pump: &Pump, speed_mps: f64, steps: usize, distance_m: f64) -> Option<f64> {
+    let course = pump.course(steps);
     let travels_m = |friction: [f64; LANES]| {
         let discs = Discs { speed_mps: [speed_mps; LANES], spin_radps: [0.0; LANES], friction, radius_m: 0.0 };
-        pump.travel(&discs, steps).map(|travel| travel.along_m)
+        pump.travel(&discs, &course).map(|travel| travel.along_m)
     };
     let (mut low, mut high) = RANGE;
     let ends_m = travels_m(std::array::from_fn(|i| if i == 0 { low } else { high }));

@@ -119,11 +119,16 @@ impl Pump {
         sets.iter().map(ends).collect()
     }
 
-    /// Displacements of `discs` by a pulse with a sustain of this many steps of the table.
-    pub fn travel(&self, discs: &Discs, sustain: usize) -> [Travel; LANES] {
-        let (belts, sustain) = (PulseConstants::of(discs, self.step_s), sustain * BETWEEN);
-        let state = belts.played(SlipState::default(), &self.shapes(0, self.flank() + sustain, sustain));
-        belts.rest(belts.played(state, &self.fall(sustain)))
+    /// Values of f until the end of a sustain of this many steps of the table, and from there to the end of the pulse.
+    pub fn course(&self, sustain: usize) -> [Vec<f64>; 2] {
+        let sustain = sustain * BETWEEN;
+        [self.shapes(0, self.flank() + sustain, sustain), self.fall(sustain)]
+    }
+
+    /// Displacements of `discs` by a pulse of this course.
+    pub fn travel(&self, discs: &Discs, [rise, fall]: &[Vec<f64>; 2]) -> [Travel; LANES] {
+        let belts = PulseConstants::of(discs, self.step_s);
+        belts.rest(belts.played(belts.played(SlipState::default(), rise), fall))
     }
 
     /// Steps of a flank, the envelope's delay included.

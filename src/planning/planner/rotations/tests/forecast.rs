@@ -12,7 +12,8 @@ use upm_core::geometry::{Twist, Vec2};
 /// Displacement of a point on belts of these speeds after a sustain of `steps`, m.
 fn travels_m(speed_mps: [f64; LANES], steps: usize) -> [f64; LANES] {
     let discs = Discs { speed_mps, spin_radps: [0.0; LANES], friction: [0.3; LANES], radius_m: 0.0 };
-    Pump::of(&library()).travel(&discs, steps).map(|travel| travel.along_m)
+    let pump = Pump::of(&library());
+    pump.travel(&discs, &pump.course(steps)).map(|travel| travel.along_m)
 }
 
 /// While the part is slow against the belt, d = ½ · 0.2386 · 1.2386 · μ g (S + 2A)² (equation sheet, section 1): a long

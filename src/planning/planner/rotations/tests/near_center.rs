@@ -82,7 +82,7 @@ fn disc_near_a_center_travels_as_its_patches_do() {
             friction: [FRICTION; LANES],
             radius_m: RADIUS_M,
         };
-        let found = pump.travel(&discs, sustains);
+        let found = pump.travel(&discs, &pump.course(sustains));
         for (lane, (spin_radps, arm_m)) in cases.into_iter().enumerate() {
             let sustain_s = sustains as f64 * pump.sustain_step_s();
             let end_m = end_in_belt(&library, (discs.speed_mps[lane], spin_radps), sustain_s);
