@@ -6,6 +6,8 @@ use upm_core::time::PlateTime;
 const BANDS: usize = 4;
 /// One row in this many is hashed.
 const ROW_STEP: usize = 8;
+/// Number of hashes computed side by side.
+const LANES: usize = 4;
 /// Number of pictures remembered: a camera may repeat the same few in turn.
 const REMEMBERED: usize = 8;
 
@@ -110,16 +112,22 @@ impl Freshness {
 
 /// Hash of some of the `rows`; `None` where all their pixels are equal: black or white shows no noise.
 fn hash(frame: &Frame, rows: std::ops::Range<usize>) -> Option<u64> {
+    // lanes are independent, so that their products overlap
+    let mut lanes = [0xcbf2_9ce4_8422_2325u64; LANES];
     let first = frame.pixels.get(rows.start * frame.width)?;
-    let (mut hash, mut is_uniform) = (0xcbf2_9ce4_8422_2325, true);
+    let mut is_uniform = true;
     for y in rows.step_by(ROW_STEP) {
         let row = frame.pixels.get(y * frame.width..(y + 1) * frame.width)?;
         is_uniform = is_uniform && row.iter().all(|pixel| pixel == first);
-        let (words, rest) = row.as_chunks::<8>();
-        hash = words.iter().fold(hash, |hash, word| mixed(hash, u64::from_le_bytes(*word)));
-        hash = rest.iter().fold(hash, |hash, &pixel| mixed(hash, u64::from(pixel)));
+        let (blocks, rest) = row.as_chunks::<{ 8 * LANES }>();
+        for block in blocks {
+            for (lane, word) in lanes.iter_mut().zip(block.as_chunks::<8>().0) {
+                *lane = mixed(*lane, u64::from_le_bytes(*word));
+            }
+        }
+        lanes[0] = rest.iter().fold(lanes[0], |lane, &pixel| mixed(lane, u64::from(pixel)));
     }
-    (!is_uniform).then_some(hash)
+    (!is_uniform).then(|| lanes.into_iter().fold(0, mixed))
 }
 
 fn mixed(hash: u64, word: u64) -> u64 {
