@@ -23,6 +23,8 @@ const AWAY_M: f64 = 100.0;
 
 /// SIMD lanes: parts whose friction is solved side by side.
 const LANES: usize = 8;
+/// Parts from which all lanes together take less time than each part by itself.
+const WORTH_LANES: usize = 3;
 
 /// Factor on the friction of part `part` at `arm_m` from the plate's centre.
 fn friction_factor(faults: &PlantFaults, part: usize, arm_m: Vec2) -> f64 {
@@ -87,7 +89,13 @@ impl Parts {
                 slips[i] = body.slip(plate.twist.velocity_at(arms[i]), plate.twist.spin_radps);
                 (slide2[i], rim_mps[i]) = (slips[i].0.norm_squared(), body.radius_m * slips[i].1.abs());
             }
-            let kept = remaining_slip_fractions(self.friction, slide2.map(f64::sqrt), rim_mps, reach_mps);
+            let (slide_mps, friction) = (slide2.map(f64::sqrt), self.friction);
+            let kept = if bodies.len() < WORTH_LANES {
+                let alone = |i: usize| friction.remaining_slip_fractions(slide_mps[i], rim_mps[i], reach_mps[i]);
+                std::array::from_fn(|i| if i < bodies.len() { alone(i) } else { [0.0; 2] })
+            } else {
+                remaining_slip_fractions(friction, slide_mps, rim_mps, reach_mps)
+            };
             for (i, body) in bodies.iter_mut().enumerate().filter(|(_, body)| body.motion.on_plate) {
                 let (sped, spun) = (slips[i].0 * (kept[i][0] - 1.0), slips[i].1 * (kept[i][1] - 1.0));
                 body.motion.velocity_mps += sped;
