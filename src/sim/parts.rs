@@ -23,7 +23,7 @@ const AWAY_M: f64 = 100.0;
 
 /// SIMD lanes: parts whose friction is solved side by side.
 const LANES: usize = 8;
-/// Parts from which all lanes together take less time than each part by itself.
+/// Parts from which the lanes are used: with two a step takes as long either way, with four it is shorter in lanes.
 const WORTH_LANES: usize = 3;
 
 /// Factor on the friction of part `part` at `arm_m` from the plate's centre.
