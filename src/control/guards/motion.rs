@@ -148,7 +148,7 @@ impl MotionGuard {
             MotionVerdict::Coil { coil, gain } => {
                 let name = name_of(verdict);
                 let reason =
-                    format!("{name} gives {gain:.2} of its force; the plate moved {percent:.0} % off the plan");
+                    format!("the plate moved {percent:.0} % off the plan: {name} gives {gain:.2} of its force");
                 (Found::about(Finding::CoilFault, coil), reason, !BEARABLE_GAINS.contains(&gain))
             }
             MotionVerdict::Swapped { coils: [coil, _] } => {
