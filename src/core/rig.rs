@@ -100,6 +100,9 @@ pub enum RigFault {
     /// A pulse is still being played.
     #[error("a pulse is being played until {0}")]
     Busy(PlateTime),
+    /// No pulse is playing that another one could take over from.
+    #[error("nothing is playing that this drive could take over from")]
+    TooLate,
     /// The drive is invalid: not a number, negative lengths, or longer than allowed.
     #[error("bad drive: {0}")]
     BadDrive(String),
@@ -124,6 +127,15 @@ pub trait Rig {
     /// [`RigFault::Device`] when the device fails.
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault>;
 
+    /// Lets `drive` take over from the playing pulse without a pause, at the end of that pulse's attack, or of its sustain
+    /// where the attack is over: the old pulse decays while the new one rises. Where nothing takes over in time, a pulse
+    /// plays to its end. Returns the time at which `drive` starts.
+    ///
+    /// # Errors
+    /// Those of [`Rig::play`]; [`RigFault::TooLate`] where no pulse is playing, its decay has begun, or another one
+    /// takes over already. The present pulse plays on.
+    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault>;
+
     /// End of the last pulse, its rest included; not later than [`Rig::now`] when no pulse is playing.
     fn settled_at(&self) -> PlateTime;
 
@@ -133,7 +145,7 @@ pub trait Rig {
     /// [`RigFault::Stopped`] once the interlock has tripped, and [`RigFault::Device`] when the device fails.
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault>;
 
-    /// The accelerometers' trace of the last pulse, up to now.
+    /// The accelerometers' trace of the last pulse, up to now; of the one before while a pulse that took over rises.
     fn trace(&self) -> AccelTrace;
 
     /// Sets the motors to zero at once. Always safe to call.

@@ -9,6 +9,7 @@ mod file;
 #[cfg(test)]
 mod plate_tests;
 mod probe;
+mod segment_response;
 pub mod testing;
 mod types;
 mod validate;

@@ -5,7 +5,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::AccelerometerParams;
 use super::plate::PlateMotion;
 use upm_core::random::{Rng, Streams};
-use upm_core::signal::{AccelTrace, CHANNELS};
+use upm_core::signal::{AccelTrace, CHANNELS, Envelope};
 
 /// The sensors, with an offset and a gain error per channel, and the trace of the last pulse.
 #[derive(Clone, Debug)]
@@ -15,7 +15,11 @@ pub(crate) struct Accelerometers {
     gain: [f64; CHANNELS],
     noise: Rng,
     /// Trace of the last pulse.
-    pub trace: AccelTrace,
+    trace: AccelTrace,
+    /// That of the one before a pulse that took over, and the number of samples for which the latter rises.
+    before: Option<(AccelTrace, usize)>,
+    /// Start of the trace, s after that of the first pulse of a sequence without pauses.
+    from_s: f64,
     /// Samples not yet taken in this pulse.
     pending: usize,
 }
@@ -38,12 +42,31 @@ impl Accelerometers {
                 count_limit,
                 counts: Default::default(),
             },
+            before: None,
+            from_s: 0.0,
             pending: 0,
         }
     }
 
     /// Begins a new pulse that is driven for `driven_s`; discards the last trace.
     pub fn start(&mut self, driven_s: f64) {
+        (self.before, self.from_s) = (None, 0.0);
+        self.begin(driven_s);
+    }
+
+    /// Begins a pulse that takes over `from_s` after the first one of its sequence began.
+    pub fn take_over(&mut self, from_s: f64, envelope: &Envelope) {
+        self.before = Some((self.trace.clone(), (envelope.attack_s * self.params.sample_hz) as usize));
+        self.from_s = from_s;
+        self.begin(envelope.driven_s());
+    }
+
+    /// Trace of the last pulse; of the one before while the last one rises.
+    pub fn trace(&self) -> &AccelTrace {
+        self.before.as_ref().filter(|(_, rising)| self.trace.len() < *rising).map_or(&self.trace, |(trace, _)| trace)
+    }
+
+    fn begin(&mut self, driven_s: f64) {
         self.pending = (driven_s * self.params.sample_hz).floor() as usize + 1;
         for channel in &mut self.trace.counts {
             channel.clear();
@@ -61,7 +84,7 @@ impl Accelerometers {
     pub fn observe(&mut self, from_s: f64, from: &PlateMotion, to_s: f64, to: &PlateMotion) {
         const ROUNDING: f64 = 1e-9;
         while self.pending > 0 {
-            let due_s = self.trace.len() as f64 / self.params.sample_hz;
+            let due_s = self.from_s + self.trace.len() as f64 / self.params.sample_hz;
             if due_s > to_s + ROUNDING {
                 return;
             }

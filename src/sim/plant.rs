@@ -70,6 +70,11 @@ impl Plant {
         self.still = false;
     }
 
+    /// Lets `drive` take over from the present pulse; returns the time until then, s. `None` where it is too late.
+    pub fn take_over(&mut self, drive: Drive) -> Option<f64> {
+        self.motors.take_over(drive)
+    }
+
     /// Sets all motors to zero now.
     pub fn stop(&mut self) {
         self.motors.stop();
@@ -98,6 +103,9 @@ impl Plant {
     /// Advances one step.
     pub fn step(&mut self) {
         self.plate.step(self.motors.step() + self.reaction);
+        if let Some((from_s, envelope)) = self.motors.taken_over() {
+            self.accelerometers.take_over(from_s, &envelope);
+        }
         let before = std::mem::replace(&mut self.motion, self.plate.motion());
         self.reaction = self.parts.step(&before.midway(&self.motion));
         let from_s = self.pulse_steps as f64 * self.step_s;
@@ -129,7 +137,7 @@ impl Plant {
 
     /// Trace of the accelerometers over the last pulse, up to now.
     pub fn trace(&self) -> &AccelTrace {
-        &self.accelerometers.trace
+        self.accelerometers.trace()
     }
 
     /// Poses at `time`, which must be within the last step.

@@ -141,14 +141,13 @@ impl SimRig {
         if envelope.total_s() > LONGEST_PULSE_S {
             return bad("the pulse is longer than ten minutes");
         }
-        if self.now() < self.settled_at {
-            return Err(RigFault::Busy(self.settled_at));
-        }
-        let (peak_counts, limit_counts) = (drive.peak_counts(), self.model.count_limit);
-        if peak_counts > limit_counts {
-            return Err(RigFault::DriveTooStrong { peak_counts, limit_counts });
-        }
         Ok(())
+    }
+
+    /// `Err` for a drive that peaks at `peak_counts`.
+    fn check_peak(&self, peak_counts: f64) -> Result<(), RigFault> {
+        let limit_counts = self.model.count_limit;
+        if peak_counts > limit_counts { Err(RigFault::DriveTooStrong { peak_counts, limit_counts }) } else { Ok(()) }
     }
 }
 
@@ -160,11 +159,28 @@ impl Rig for SimRig {
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
         self.stop_if_tripped()?;
         self.check(drive)?;
+        if self.now() < self.settled_at {
+            return Err(RigFault::Busy(self.settled_at));
+        }
+        // the bound holds for every sustain, and these samples for this one
+        if drive.peak_counts() > self.model.count_limit {
+            self.check_peak(self.plant.motors.peak_of(drive))?;
+        }
         self.port.energize()?;
         self.settled_at = self.now() + drive.envelope.total_s();
         self.rest_s = drive.envelope.rest_s;
         self.plant.play(drive.clone());
         Ok(())
+    }
+
+    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
+        self.stop_if_tripped()?;
+        self.check(drive)?;
+        self.check_peak(self.plant.motors.peak_of_take_over(drive))?;
+        let start = self.now() + self.plant.take_over(drive.clone()).ok_or(RigFault::TooLate)?;
+        self.settled_at = start + drive.envelope.total_s();
+        self.rest_s = drive.envelope.rest_s;
+        Ok(start)
     }
 
     fn settled_at(&self) -> PlateTime {

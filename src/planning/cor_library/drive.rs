@@ -1,3 +1,5 @@
+use std::borrow::Cow;
+
 use nalgebra::{Complex, Vector3};
 
 use super::{AxisShape, FieldResponse, Library, PlateResponse};
@@ -88,16 +90,16 @@ impl Library {
     }
 
     /// The drive that moves the plate by `wave` at full height, held for `sustain_s`: with the velocity
-    /// `env(t) · wave(t)` or the displacement `env(t) · ∫ wave`, times from the start of the pulse. `None` without a
-    /// field response, with more harmonics than were measured or another base frequency. [`Drive::peak_counts`]
+    /// `env(t) · wave(t)` or the displacement `env(t) · ∫ wave`, times from the start of the pulse. Waves of half the
+    /// fields' base frequency are segments ([`Self::segment_response`]). `None` without a field response, with more
+    /// harmonics than it has or another base frequency. [`Drive::peak_counts`]
     /// determines whether the motors can play it.
     pub fn field_drive(&self, wave: &TwistWave, follows: Follows, sustain_s: f64) -> Option<Drive> {
-        let fields = self.fields.as_ref()?;
+        let is_same = |base_radps: f64| (wave.base_radps - base_radps).abs() <= SAME * base_radps;
+        let pulses = self.fields.as_ref().filter(|fields| is_same(fields.base_radps)).map(Cow::Borrowed);
+        let segments = || self.segment_response().filter(|fields| is_same(fields.base_radps)).map(Cow::Owned);
+        let fields = pulses.or_else(segments).filter(|f| wave.harmonics.len() <= f.twist_from_counts.len())?;
         let FieldResponse { base_radps, attack_s, rest_s, .. } = *fields;
-        let measured = wave.harmonics.len() <= fields.twist_from_counts.len();
-        if !measured || (wave.base_radps - base_radps).abs() > SAME * base_radps {
-            return None;
-        }
         let harmonics = wave.harmonics.iter().zip(&fields.twist_from_counts);
         // phasors of the axis amplitudes, counts; none for a singular response
         let forces = harmonics.map(|(harmonic, twist_from_counts)| twist_from_counts.lu().solve(&harmonic.phasor()));

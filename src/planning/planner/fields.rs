@@ -4,6 +4,7 @@
 mod harmonic_basis;
 mod limits;
 mod motor_effort;
+mod moving;
 mod optimizer;
 mod planner;
 mod rollout;
@@ -13,4 +14,5 @@ mod separation;
 #[cfg(test)]
 mod tests;
 
+pub use moving::{MovingPlanner, Segment};
 pub use planner::FieldPlanner;

@@ -111,6 +111,12 @@ impl Rig for RealTimeRig<'_> {
         Ok(())
     }
 
+    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
+        let started_at = self.rig.take_over(drive)?;
+        self.driving_until = started_at + drive.envelope.driven_s();
+        Ok(started_at)
+    }
+
     fn settled_at(&self) -> PlateTime {
         self.rig.settled_at()
     }

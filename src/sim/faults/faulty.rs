@@ -211,6 +211,13 @@ impl Rig for Faulty<'_> {
         self.rig.play(drive)
     }
 
+    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
+        self.settle_plant();
+        self.refuse_broken()?;
+        self.started_at = self.rig.now();
+        self.rig.take_over(drive)
+    }
+
     fn settled_at(&self) -> PlateTime {
         self.rig.settled_at()
     }

@@ -29,6 +29,9 @@ pub(super) struct HarmonicBasis {
     pub harmonics: usize,
     /// Phases of a period.
     pub samples: usize,
+    /// Sampled phases from one step to the next.
+    stride: usize,
+    smoothing_mps: f64,
     /// `table[sample * harmonics + k - 1]`: cos and sin of harmonic k, for the first half of a period.
     table: Vec<[f64; 2]>,
 }
@@ -61,6 +64,16 @@ impl PlateSlopes {
 }
 
 impl PlateInstant {
+    /// The sum of both motions.
+    pub fn plus(&self, other: &Self) -> Self {
+        Self {
+            velocity_mps: self.velocity_mps + other.velocity_mps,
+            spin_radps: self.spin_radps + other.spin_radps,
+            offset_m: self.offset_m + other.offset_m,
+            turn_rad: self.turn_rad + other.turn_rad,
+        }
+    }
+
     /// Under an envelope of `height` and, where the displacement follows it, of `slope` (1/s):
     /// `d/dt (env x) = env v + env' x`.
     pub fn shaped(&self, height: f64, slope: f64) -> Self {
@@ -75,18 +88,25 @@ impl PlateInstant {
 
 impl HarmonicBasis {
     pub fn new(base_radps: f64, harmonics: usize, half_side_m: f64) -> Self {
-        Self::sampled(base_radps, harmonics, half_side_m, STEPS)
+        Self::sampled(base_radps, harmonics, half_side_m, STEPS, true)
+    }
+
+    /// Motions that follow one another without a pause: a period is a whole number of steps, and the displacement
+    /// follows the envelope.
+    pub fn for_segments(base_radps: f64, harmonics: usize, half_side_m: f64) -> Self {
+        Self { follows: Follows::Displacement, ..Self::sampled(base_radps, harmonics, half_side_m, STEPS, false) }
     }
 
     /// The same motions, played and forecast more exactly: the displacement follows the envelope, and steps are half as
     /// long, since longer ones err to the side by a few hundredths of a part's step.
     pub fn for_paths(&self) -> Self {
-        let fine = Self::sampled(self.base_radps, self.harmonics, self.half_side_m, 2 * STEPS);
+        let fine = Self::sampled(self.base_radps, self.harmonics, self.half_side_m, 2 * STEPS, true);
         Self { follows: Follows::Displacement, ..fine }
     }
 
-    fn sampled(base_radps: f64, harmonics: usize, half_side_m: f64, steps: usize) -> Self {
-        let samples = (steps * harmonics).max(FEWEST) * STRIDE + 1;
+    fn sampled(base_radps: f64, harmonics: usize, half_side_m: f64, steps: usize, shifted: bool) -> Self {
+        let stride = if shifted { STRIDE } else { 2 };
+        let samples = (steps * harmonics).max(FEWEST) * stride + usize::from(shifted);
         let phase = |q: usize| TAU * q as f64 / samples as f64;
         let row = |q: usize| {
             (1..=harmonics).map(move |k| {
@@ -95,7 +115,8 @@ impl HarmonicBasis {
             })
         };
         let table = (0..=samples / 2).flat_map(row).collect();
-        Self { base_radps, half_side_m, follows: Follows::Velocity, harmonics, samples, table }
+        let smoothing_mps = if steps == STEPS { 1e-3 } else { 0.5e-3 };
+        Self { base_radps, half_side_m, follows: Follows::Velocity, harmonics, samples, stride, smoothing_mps, table }
     }
 
     /// Coefficients of one axis.
@@ -110,20 +131,17 @@ impl HarmonicBasis {
 
     /// Length of a step, s.
     pub fn step_s(&self) -> f64 {
-        TAU / self.base_radps * STRIDE as f64 / self.samples as f64
+        TAU / self.base_radps * self.stride as f64 / self.samples as f64
     }
 
     /// Slip below which friction is smoothed to zero, m/s: two thirds of the speed that friction changes in a step.
     pub fn smoothing_mps(&self) -> f64 {
-        if self.follows == Follows::Velocity { 1e-3 } else { 0.5e-3 }
+        self.smoothing_mps
     }
 
     /// Index of the phase at every step, from the first on.
     pub fn phases(&self) -> impl Iterator<Item = usize> {
-        let next = |phase: &usize| {
-            Some(if phase + STRIDE < self.samples { phase + STRIDE } else { phase + STRIDE - self.samples })
-        };
-        std::iter::successors(Some(STRIDE / 2), next)
+        std::iter::successors(Some(self.stride / 2), |phase| Some((phase + self.stride) % self.samples))
     }
 
     /// The harmonic a coefficient belongs to, from 1.
@@ -237,7 +255,7 @@ impl HarmonicBasis {
 
     /// Steps that make up a period, rounded down.
     pub fn steps_a_period(&self) -> usize {
-        self.samples / STRIDE
+        self.samples / self.stride
     }
 
     fn axes<'a>(&self, coefficients: &'a [f64]) -> [&'a [f64]; 3] {

@@ -18,7 +18,7 @@ pub(super) struct MotorEffort {
     counts_from_motion: Vec<Matrix3<Complex<f64>>>,
     /// Forces on the envelope's slope and curvature for one of x, y and spin, for each harmonic.
     flanks: Vec<[Vector3<Complex<f64>>; 2]>,
-    limit_counts: f64,
+    pub limit_counts: f64,
     /// Envelope of a pulse; its flanks are the same for every sustain.
     envelope: Envelope,
     /// Price of a coefficient: the square of the counts it asks for, per (m/s)².
@@ -64,30 +64,53 @@ impl MotorEffort {
 
     /// Largest sample of any motor in a pulse, its flanks included, counts.
     fn peak_counts(&self, basis: &HarmonicBasis, coefficients: &[f64]) -> f64 {
+        match basis.follows {
+            Follows::Velocity => {
+                let forces: Vec<_> = self.forces(basis, coefficients).iter().map(motor_forces).collect();
+                let momenta = (1..).zip(&forces).map(|(k, force)| force.map(|force| basis.integral(force, k)));
+                let samples = basis.sums(&side_by_side(&forces, momenta)).into_iter();
+                samples.fold(0.0, |peak, sample| self.higher_peak(peak, sample, SimdF64::ZERO))
+            }
+            Follows::Displacement => {
+                let samples = self.samples(basis, coefficients);
+                samples.fold(0.0, |peak, [sample, curvatures]| self.higher_peak(peak, sample, curvatures))
+            }
+        }
+    }
+
+    /// The steady counts of a motion in every phase of a period, and its shares of the envelope's slope (counts·s) and
+    /// of its curvature (counts·s²).
+    pub fn counts(&self, basis: &HarmonicBasis, coefficients: &[f64]) -> Vec<[[f64; MOTORS]; 3]> {
+        let split = |[forces_and_slopes, curvatures]: [SimdF64; 2]| {
+            let [a, b, c, d, e, f, g, h] = forces_and_slopes.to_array();
+            let [j, k, l, m, ..] = curvatures.to_array();
+            [[a, b, c, d], [e, f, g, h], [j, k, l, m]]
+        };
+        self.samples(basis, coefficients).map(split).collect()
+    }
+
+    /// In every phase of a period the four forces and their shares of the envelope's slope, and those of its curvature.
+    fn samples(&self, basis: &HarmonicBasis, coefficients: &[f64]) -> impl Iterator<Item = [SimdF64; 2]> {
+        let forces = self.forces(basis, coefficients);
+        let flanks = |i: usize| -> Vec<_> {
+            let flanks = forces.iter().zip(&self.flanks);
+            flanks.map(|(force, flanks)| motor_forces(&flanks[i].component_mul(force))).collect()
+        };
+        let curvatures = side_by_side(&flanks(1), std::iter::repeat([[0.0; 2]; MOTORS]));
+        let steady: Vec<_> = forces.iter().map(motor_forces).collect();
+        let forces_and_slopes = basis.sums(&side_by_side(&steady, flanks(0)));
+        forces_and_slopes.into_iter().zip(basis.sums(&curvatures)).map(|(sample, curvatures)| [sample, curvatures])
+    }
+
+    /// Phasors of the axis amplitudes of every harmonic, counts.
+    fn forces(&self, basis: &HarmonicBasis, coefficients: &[f64]) -> Vec<Vector3<Complex<f64>>> {
         let n = basis.per_axis();
         let force = |(k, counts): (usize, &Matrix3<Complex<f64>>)| {
             let phasor =
                 |axis: usize| Complex::new(coefficients[axis * n + 2 * k - 2], -coefficients[axis * n + 2 * k - 1]);
             counts * Vector3::new(phasor(0), phasor(1), phasor(2))
         };
-        let forces: Vec<_> = (1..).zip(&self.counts_from_motion).map(force).collect();
-        let flanks = |i: usize| -> Vec<_> {
-            let flanks = forces.iter().zip(&self.flanks);
-            flanks.map(|(force, flanks)| motor_forces(&flanks[i].component_mul(force))).collect()
-        };
-        let forces: Vec<_> = forces.iter().map(motor_forces).collect();
-        match basis.follows {
-            Follows::Velocity => {
-                let momenta = (1..).zip(&forces).map(|(k, force)| force.map(|force| basis.integral(force, k)));
-                let samples = basis.sums(&side_by_side(&forces, momenta)).into_iter();
-                samples.fold(0.0, |peak, sample| self.higher_peak(peak, sample, SimdF64::ZERO))
-            }
-            Follows::Displacement => {
-                let curvatures = side_by_side(&flanks(1), std::iter::repeat([[0.0; 2]; MOTORS]));
-                let samples = basis.sums(&side_by_side(&forces, flanks(0))).into_iter().zip(basis.sums(&curvatures));
-                samples.fold(0.0, |peak, (sample, curvatures)| self.higher_peak(peak, sample, curvatures))
-            }
-        }
+        (1..).zip(&self.counts_from_motion).map(force).collect()
     }
 
     /// The larger of `peak` and the highest count that a sample can reach whose four forces, their shares of the

@@ -22,16 +22,16 @@ use upm_core::signal::Envelope;
 
 /// Trust region: longest change of a motion, relative to the motion, at first; its factors after a success and a
 /// failure, and its bounds.
-const REACH: f64 = 0.3;
-const WIDER: f64 = 1.6;
-const WIDEST: f64 = 0.8;
-const NARROWER: f64 = 0.35;
+pub(super) const REACH: f64 = 0.3;
+pub(super) const WIDER: f64 = 1.6;
+pub(super) const WIDEST: f64 = 0.8;
+pub(super) const NARROWER: f64 = 0.35;
 const NARROWEST: f64 = 0.01;
 /// Levenberg-Marquardt damping: least value relative to the mean eigenvalue, factor of each raise, number of raises at
 /// first and at most.
 const DAMPING: f64 = 1e-5;
 const MORE_DAMPING: f64 = 3.0;
-const RAISED: i32 = 6;
+pub(super) const RAISED: i32 = 6;
 const MOST_RAISED: i32 = 64;
 /// A start is softened when its best scale factor is below this.
 const SOFTEN: f64 = 0.8;
@@ -224,31 +224,43 @@ impl ShootingProblem<'_> {
         let penalised = self.penalties.iter().map(|penalty| penalty.missing(iterate.went_m.as_slice()));
         let off = iterate.course.iter().map(|off| -off.off_m);
         let missing = DVector::from_iterator(slopes.ncols(), missing_m.iter().copied().chain(penalised).chain(off));
-        let normal = slopes.tr_mul(slopes);
-        let least = DAMPING * normal.trace() / normal.nrows() as f64;
         let longest = reach * self.effort.norm(&iterate.coefficients);
-        let damped = |raised: i32| {
-            let mut damped = normal.clone();
-            let damping = least * MORE_DAMPING.powi(raised);
-            (0..damped.nrows()).for_each(|i| damped[(i, i)] += damping);
-            Some(slopes * damped.cholesky()?.solve(&missing))
-        };
-        let mut change = damped(*raised)?;
-        while change.norm() > longest {
-            *raised += 1;
-            if *raised > MOST_RAISED {
-                return None;
-            }
-            change = damped(*raised)?;
-        }
-        while *raised > 0 {
-            let longer = damped(*raised - 1)?;
-            if longer.norm() > longest {
-                break;
-            }
-            *raised -= 1;
-            change = longer;
-        }
+        let change = damped_change(slopes, &missing, longest, raised)?;
         Some(change.iter().zip(&self.effort.weights).map(|(d, w)| d / w.sqrt()).collect())
     }
+}
+
+/// The least damped change that follows `slopes`, a column for each residual, towards `missing` and is no longer than
+/// `longest`. `raised` is the number of times damping was raised, carried over from the previous change.
+pub(super) fn damped_change(
+    slopes: &DMatrix<f64>,
+    missing: &DVector<f64>,
+    longest: f64,
+    raised: &mut i32,
+) -> Option<DVector<f64>> {
+    let normal = slopes.tr_mul(slopes);
+    let least = DAMPING * normal.trace() / normal.nrows() as f64;
+    let damped = |raised: i32| {
+        let mut damped = normal.clone();
+        let damping = least * MORE_DAMPING.powi(raised);
+        (0..damped.nrows()).for_each(|i| damped[(i, i)] += damping);
+        Some(slopes * damped.cholesky()?.solve(missing))
+    };
+    let mut change = damped(*raised)?;
+    while change.norm() > longest {
+        *raised += 1;
+        if *raised > MOST_RAISED {
+            return None;
+        }
+        change = damped(*raised)?;
+    }
+    while *raised > 0 {
+        let longer = damped(*raised - 1)?;
+        if longer.norm() > longest {
+            break;
+        }
+        *raised -= 1;
+        change = longer;
+    }
+    Some(change)
 }

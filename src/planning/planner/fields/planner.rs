@@ -327,6 +327,7 @@ impl FieldPlanner {
     fn discs(&self, parts: &[PartState]) -> Vec<RolloutDisc> {
         let disc = |part: &PartState| RolloutDisc {
             position_m: part.position_m,
+            velocity_mps: Vec2::zeros(),
             radius_m: part.radius_m,
             friction: self.model.friction * part.gain,
         };

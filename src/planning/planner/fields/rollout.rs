@@ -14,6 +14,8 @@
 //! The slopes of all ends by all coefficients come from the same equations run backwards (the adjoint), at about twice
 //! the cost of one rollout; see [`PlateSlopes`] for what they leave out.
 
+use std::ops::Range;
+
 use nalgebra::DMatrix;
 
 use super::harmonic_basis::{HarmonicBasis, PlateInstant, PlateSlopes, SimdF64};
@@ -28,10 +30,12 @@ const EDGE_M: f64 = 1e-3;
 /// SIMD lanes: parts integrated side by side.
 const LANES: usize = 8;
 
-/// A part at rest before the pulse.
+/// A part before the motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RolloutDisc {
     pub position_m: Vec2,
+    /// Zero for a part at rest.
+    pub velocity_mps: Vec2,
     pub radius_m: f64,
     /// Coefficient of Coulomb friction against the plate.
     pub friction: f64,
@@ -67,7 +71,8 @@ struct Group {
     coasting: SimdF64,
     /// State before every step.
     states: Vec<RolloutState>,
-    /// Velocity when the motors fall silent, m/s.
+    /// Position and velocity after the last step, m and m/s.
+    last_m: [SimdF64; 2],
     last_mps: [SimdF64; 2],
 }
 
@@ -94,6 +99,34 @@ impl Rollout {
             let slope = if basis.follows == Follows::Displacement { envelope.slope(t_s) } else { 0.0 };
             PlateStep { phase, height, slope, plate: motion[phase].shaped(height, slope) }
         }));
+        self.play(basis, discs);
+    }
+
+    /// Computes the rollout of `discs` while the motion `to` replaces `from` over the attack of `envelope`: the plate's
+    /// displacement is `(1 - env) from + env to`. Only the steps `range` from the beginning of the attack are played.
+    pub fn run_faded(
+        &mut self,
+        basis: &HarmonicBasis,
+        [from, to]: [&[PlateInstant]; 2],
+        (envelope, range): (&Envelope, Range<usize>),
+        discs: &[RolloutDisc],
+    ) {
+        let dt = basis.step_s();
+        self.steps.clear();
+        self.steps.extend(basis.phases().enumerate().take(range.end).skip(range.start).map(|(k, phase)| {
+            let t_s = (k as f64 + 0.5) * dt;
+            let (height, slope) = (envelope.at(t_s), envelope.slope(t_s));
+            let mut plate = to[phase].shaped(height, slope);
+            if t_s < envelope.attack_s {
+                plate = plate.plus(&from[phase].shaped(1.0 - height, -slope));
+            }
+            PlateStep { phase, height, slope, plate }
+        }));
+        self.play(basis, discs);
+    }
+
+    fn play(&mut self, basis: &HarmonicBasis, discs: &[RolloutDisc]) {
+        let dt = basis.step_s();
         self.groups.resize_with(discs.len().div_ceil(LANES), Group::default);
         self.ends_m.clear();
         for (group, discs) in self.groups.iter_mut().zip(discs.chunks(LANES)) {
@@ -140,7 +173,54 @@ impl Rollout {
                 let mut by_place = [SimdF64::ZERO; 2];
                 by_place[axis] = SimdF64::ONE;
                 let by_state = (by_place, group.coasting_slope(axis));
-                group.adjoint(by_state, &self.steps, basis.step_s(), &mut by_plate);
+                group.adjoint(by_state, &self.steps, 0..self.steps.len(), basis.step_s(), &mut by_plate);
+                for (j, of_parts) in basis.slopes(&by_plate).enumerate() {
+                    let ends = (first + axis..slopes.ncols()).step_by(2);
+                    ends.zip(of_parts.to_array()).for_each(|(end, slope)| slopes[(j, end)] = slope);
+                }
+            }
+        }
+        slopes
+    }
+
+    /// Positions and velocities after the last step, m and m/s.
+    pub fn last(&self) -> impl Iterator<Item = (Vec2, Vec2)> + '_ {
+        let lanes = self.groups.iter().flat_map(|group| {
+            let [x, y, vx, vy] =
+                [group.last_m[0], group.last_m[1], group.last_mps[0], group.last_mps[1]].map(SimdF64::to_array);
+            (0..LANES).map(move |lane| (Vec2::new(x[lane], y[lane]), Vec2::new(vx[lane], vy[lane])))
+        });
+        lanes.take(self.ends_m.len())
+    }
+
+    /// Drifts at the end, m/s: mean velocity over the last `window` steps, and half of the speed gained in them.
+    pub fn drifts_mps(&self, basis: &HarmonicBasis, window: usize) -> Vec<Vec2> {
+        let dt = basis.step_s();
+        let first = self.steps.len() - window;
+        let (from_m, before_m) = (self.places_at(first), self.places_at(first - 1));
+        let from = from_m.iter().zip(before_m);
+        self.last().zip(from).map(|((p, v), (p0, p1))| (p - p0) / (window as f64 * dt) + (v - (p0 - p1) / dt) * 0.5).collect()
+    }
+
+    /// Slopes, by every coefficient, of each part's drift plus `rates` times its place at the end: a column for each
+    /// part's x and y in turn.
+    pub fn drift_slopes(&self, basis: &HarmonicBasis, window: usize, rates: &[f64]) -> DMatrix<f64> {
+        let mut slopes = DMatrix::zeros(basis.len(), 2 * self.ends_m.len());
+        let dt = basis.step_s();
+        let (count, per_s) = (self.steps.len(), 1.0 / (window as f64 * dt));
+        for ((group, rates), first) in self.groups.iter().zip(rates.chunks(LANES)).zip((0..).step_by(2 * LANES)) {
+            let rate = SimdF64::from(std::array::from_fn(|lane| rates.get(lane).copied().unwrap_or(0.0)));
+            for axis in 0..2 {
+                let mut by_plate = PlateSlopes::new(basis);
+                let (mut by_place, mut by_speed) = ([SimdF64::ZERO; 2], [SimdF64::ZERO; 2]);
+                by_place[axis] = rate + per_s;
+                by_speed[axis] = SimdF64::splat(0.5);
+                let by_state = (by_place, by_speed);
+                let range = count - window..count;
+                let (mut by_place, mut by_speed) = group.adjoint(by_state, &self.steps, range, dt, &mut by_plate);
+                by_place[axis] -= per_s;
+                by_speed[axis] -= 0.5;
+                group.adjoint((by_place, by_speed), &self.steps, 0..count - window, dt, &mut by_plate);
                 for (j, of_parts) in basis.slopes(&by_plate).enumerate() {
                     let ends = (first + axis..slopes.ncols()).step_by(2);
                     ends.zip(of_parts.to_array()).for_each(|(end, slope)| slopes[(j, end)] = slope);
@@ -159,7 +239,7 @@ impl Rollout {
             let lanes =
                 |axis: usize| SimdF64::from(std::array::from_fn(|lane| normals.get(lane).map_or(0.0, |n| n[axis])));
             let by_state = ([lanes(0), lanes(1)], [SimdF64::ZERO; 2]);
-            group.adjoint(by_state, &self.steps[..step], basis.step_s(), &mut by_plate);
+            group.adjoint(by_state, &self.steps, 0..step, basis.step_s(), &mut by_plate);
             for (j, of_parts) in basis.slopes(&by_plate).enumerate() {
                 let parts = (first..first + normals.len()).zip(of_parts.to_array());
                 parts.for_each(|(part, slope)| slopes[(j, part)] = slope);
@@ -180,7 +260,7 @@ impl Group {
         let turning_m2 = each(|disc| KAPPA * disc.radius_m * disc.radius_m, 0.0);
         let coasting = 0.5 / friction_mps2;
         let [mut x, mut y] = [each(|disc| disc.position_m.x, 0.0), each(|disc| disc.position_m.y, 0.0)];
-        let [mut vx, mut vy] = [SimdF64::ZERO; 2];
+        let [mut vx, mut vy] = [each(|disc| disc.velocity_mps.x, 0.0), each(|disc| disc.velocity_mps.y, 0.0)];
         self.states.clear();
         self.states.extend(steps.iter().map(|PlateStep { plate, .. }| {
             let spin = plate.spin_radps;
@@ -196,7 +276,7 @@ impl Group {
             RolloutState { arm_m, pull, inverse }
         }));
         (self.pull_mps, self.turning_m2, self.coasting) = (pull_mps, turning_m2, coasting);
-        self.last_mps = [vx, vy];
+        (self.last_m, self.last_mps) = ([x, y], [vx, vy]);
         let coasts_s = (vx * vx + vy * vy).sqrt() * coasting;
         [x + vx * coasts_s, y + vy * coasts_s]
     }
@@ -214,17 +294,18 @@ impl Group {
         self.states.iter().zip(steps).map(share).fold(SimdF64::ONE, SimdF64::min)
     }
 
-    /// Adds the slopes of a length by the plate's motion in every phase, given its slopes by position and by velocity
-    /// after `steps`.
+    /// Adds the slopes of a length by the plate's motion in every phase of the steps `range`, given its slopes by
+    /// position and by velocity after them; returns those before them.
     fn adjoint(
         &self,
         (mut by_place, mut by_speed): ([SimdF64; 2], [SimdF64; 2]),
         steps: &[PlateStep],
+        range: Range<usize>,
         dt: f64,
         by_plate: &mut PlateSlopes,
-    ) {
+    ) -> ([SimdF64; 2], [SimdF64; 2]) {
         let PlateSlopes { by_velocity: [by_x, by_y, by_spin], by_displacement } = by_plate;
-        for (state, &PlateStep { phase, height, slope, plate }) in self.states[..steps.len()].iter().zip(steps).rev() {
+        for (state, &PlateStep { phase, height, slope, plate }) in self.states[range.clone()].iter().zip(&steps[range]).rev() {
             let spin = plate.spin_radps;
             by_speed = [by_speed[0] + by_place[0] * dt, by_speed[1] + by_place[1] * dt];
             let along = state.pull[0] * by_speed[0] + state.pull[1] * by_speed[1];
@@ -243,6 +324,7 @@ impl Group {
             by_speed = [by_speed[0] - across[0], by_speed[1] - across[1]];
             by_place = [by_place[0] + across[1] * spin, by_place[1] - across[0] * spin];
         }
+        (by_place, by_speed)
     }
 
     /// Slope of the distance coasted along `axis`, `v |v| / (2 μ g)`, by the velocity.

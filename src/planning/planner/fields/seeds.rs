@@ -79,7 +79,28 @@ impl SeedLibrary {
             rng.random_range(-1.0..1.0)
         };
         let mut random = || (0..basis.len()).map(|j| draw() / basis.harmonic_of(j) as f64).collect::<Vec<f64>>();
-        let motions: Vec<Vec<f64>> = (0..MOTIONS).map(|_| random()).collect();
+        Self::of((0..MOTIONS).map(|_| random()).collect(), basis, half_side_m)
+    }
+
+    /// Motions for parts that move: spectra from flat ones to those of [`Self::new`], and more spin. Smooth fields,
+    /// those of few low harmonics, cannot carry many parts each its own way.
+    pub fn rich(basis: &HarmonicBasis, half_side_m: f64) -> Self {
+        const FALLS: [f64; 4] = [0.0, 0.25, 0.5, 1.0];
+        const SPINS: [f64; 3] = [1.0, 2.0, 3.0];
+        let mut rng = Streams::new(0).stream("moving field bank");
+        let mut random = || {
+            use rand::RngExt as _;
+            let (fall, spin) = (FALLS[rng.random_range(0..FALLS.len())], SPINS[rng.random_range(0..SPINS.len())]);
+            let scaled = |j: usize, drawn: f64| {
+                let share = drawn * libm::pow(basis.harmonic_of(j) as f64, -fall);
+                if j < 2 * basis.per_axis() { share } else { spin * share }
+            };
+            (0..basis.len()).map(|j| scaled(j, rng.random_range(-1.0..1.0))).collect::<Vec<f64>>()
+        };
+        Self::of((0..MOTIONS).map(|_| random()).collect(), basis, half_side_m)
+    }
+
+    fn of(motions: Vec<Vec<f64>>, basis: &HarmonicBasis, half_side_m: f64) -> Self {
         let tables: Vec<Vec<Vec2>> = motions.iter().map(|motion| table(basis, motion, half_side_m)).collect();
         let mean_forces = |node: usize| {
             std::array::from_fn(|k| {

@@ -30,7 +30,7 @@ fn shipped(rig: &str) -> Library {
     Library::load(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(file)).unwrap()
 }
 
-fn upm_2() -> Arc<Library> {
+pub(super) fn upm_2() -> Arc<Library> {
     static LOADED: LazyLock<Arc<Library>> = LazyLock::new(|| Arc::new(shipped("upm-2")));
     Arc::clone(&LOADED)
 }
@@ -64,7 +64,7 @@ fn place() -> impl Strategy<Value = Vec2> {
 }
 
 fn coin(position_m: Vec2, friction: f64) -> RolloutDisc {
-    RolloutDisc { position_m, radius_m: PENNY_M, friction }
+    RolloutDisc { position_m, velocity_mps: Vec2::zeros(), radius_m: PENNY_M, friction }
 }
 
 fn ends(basis: &HarmonicBasis, coefficients: &[f64], envelope: &Envelope, discs: &[RolloutDisc]) -> Vec<Vec2> {

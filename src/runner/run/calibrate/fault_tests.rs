@@ -68,6 +68,10 @@ impl Rig for AlteredRig {
         self.rig.play(&drive)
     }
 
+    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
+        self.rig.take_over(drive)
+    }
+
     fn settled_at(&self) -> PlateTime {
         self.rig.settled_at()
     }

@@ -37,6 +37,7 @@ fn course(parts: &[PartState], pulse: &FieldPulse) -> Rollout {
     let friction = friction_of(&upm_2()).unwrap();
     let disc = |part: &PartState| RolloutDisc {
         position_m: part.position_m,
+        velocity_mps: Vec2::zeros(),
         radius_m: part.radius_m,
         friction: friction * part.gain,
     };

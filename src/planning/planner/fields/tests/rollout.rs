@@ -8,7 +8,7 @@ const FRICTION: f64 = 0.3;
 const PULL_MPS2: f64 = FRICTION * GRAVITY_MPS2;
 
 fn point(position_m: Vec2) -> RolloutDisc {
-    RolloutDisc { position_m, radius_m: 0.0, friction: FRICTION }
+    RolloutDisc { position_m, velocity_mps: Vec2::zeros(), radius_m: 0.0, friction: FRICTION }
 }
 
 /// Coefficients scaled to the limit of upm-2's motors.

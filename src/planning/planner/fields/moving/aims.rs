@@ -1,0 +1,154 @@
+//! Where moving parts should be heading: velocities that bring all of them home at the same time and keep them apart.
+
+use super::search::Goal;
+use crate::planner::PlannerParams;
+use crate::planner::fields::rollout::RolloutDisc;
+use nalgebra::DVector;
+use upm_core::geometry::Vec2;
+use upm_core::units::GRAVITY_MPS2;
+
+/// Largest speed with which parts approach each other or the edge, per distance left, 1/s.
+pub(super) const CLOSING_PER_S: f64 = 5.0;
+/// Distance beyond the configured ones at which wishes begin to keep clear, m: the forecast's error in a segment.
+const SPARE_M: f64 = 0.3e-3;
+/// Gap from which on a pair is far, m.
+const FAR_M: f64 = 0.05;
+/// Passes over all pairs.
+const PASSES: usize = 30;
+/// Largest speed per distance left, 1/s: a part is seen, and its next motion planned, a segment and a half before.
+const APPROACH_PER_S: f64 = 8.0;
+/// Periods from the beginning of a segment to the middle of the stretch in which its drift is judged.
+const AHEAD: f64 = 1.5;
+/// Change of speed that is asked of a part, relative to that which the last motions made.
+const AMBITION: f64 = 2.0;
+/// Share of full friction with which motions carry parts: at first, and its bounds.
+const SHARE: f64 = 0.1;
+const SHARES: (f64, f64) = (0.05, 0.5);
+/// The share grows where less than the first share of what is asked is left, and falls where more than the second is.
+const LITTLE_LEFT: f64 = 0.35;
+const MUCH_LEFT: f64 = 0.6;
+const GROWS: f64 = 1.12;
+const FALLS: f64 = 0.93;
+/// Weights of parts fall with the change of speed asked of them: this power of it, and this much of the largest added.
+const WEIGHT_POWER: f64 = -0.25;
+const WEIGHT_OFFSET: f64 = 0.2;
+
+/// A part on the plate, moving.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MovingPart {
+    pub disc: RolloutDisc,
+    /// Mean velocity over the last period, m/s.
+    pub drift_mps: Vec2,
+    /// Where it should come to rest, m.
+    pub target_m: Vec2,
+}
+
+impl MovingPart {
+    pub fn left_m(&self) -> Vec2 {
+        self.target_m - self.disc.position_m
+    }
+}
+
+/// What motions have carried parts with so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Aims {
+    /// Share of full friction.
+    share: f64,
+}
+
+impl Default for Aims {
+    fn default() -> Self {
+        Self { share: SHARE }
+    }
+}
+
+/// What the next segment should do.
+#[derive(Clone, Debug)]
+pub(super) struct Wish {
+    pub goal: Goal,
+    /// Change of each part's drift, m/s.
+    pub changes_mps: Vec<Vec2>,
+    /// True where a part is asked for less than it wants.
+    pub is_clipped: bool,
+    /// Root of the weighted sum of squares of the changes, m/s.
+    asked_mps: f64,
+}
+
+impl Wish {
+    /// The share of what is asked that `residual` leaves.
+    pub fn left(&self, residual: &DVector<f64>) -> f64 {
+        residual.norm() / self.asked_mps.max(f64::MIN_POSITIVE)
+    }
+}
+
+impl Aims {
+    /// Drifts for `parts` at the beginning of a segment, `rms_m` from their targets.
+    pub fn wish(&self, parts: &[MovingPart], params: &PlannerParams, rms_m: f64, period_s: f64) -> Wish {
+        let ahead_s = AHEAD * period_s;
+        let ahead_m: Vec<Vec2> = parts.iter().map(|p| p.disc.position_m + p.drift_mps * ahead_s).collect();
+        let pull_mps2 = |part: &MovingPart| self.share * part.disc.friction * GRAVITY_MPS2;
+        // common to all, so that they arrive together: straight ways in step hardly cross
+        let brake_mps2 = parts.iter().map(pull_mps2).sum::<f64>() / parts.len() as f64;
+        let rate = APPROACH_PER_S.min((2.0 * brake_mps2 / rms_m.max(f64::MIN_POSITIVE)).sqrt());
+        let mut wanted_mps: Vec<Vec2> = parts.iter().zip(&ahead_m).map(|(p, at)| (p.target_m - at) * rate).collect();
+        keep_clear(parts, params, &ahead_m, &mut wanted_mps);
+        let mut wish = Wish { goal: Goal::Ends, changes_mps: Vec::new(), is_clipped: false, asked_mps: 0.0 };
+        let (mut rates, mut aims_mps, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+        for ((part, at_m), wanted_mps) in parts.iter().zip(&ahead_m).zip(&wanted_mps) {
+            let most_mps = AMBITION * pull_mps2(part) * ahead_s;
+            let change_mps = wanted_mps - part.drift_mps;
+            let share = (most_mps / change_mps.norm().max(f64::MIN_POSITIVE)).min(1.0);
+            let change_mps = change_mps * share;
+            wish.is_clipped |= share < 1.0;
+            rates.push(rate * share);
+            aims_mps.push(part.drift_mps + change_mps + at_m * (rate * share));
+            weights.push(libm::pow(change_mps.norm() / most_mps + WEIGHT_OFFSET, WEIGHT_POWER));
+            wish.changes_mps.push(change_mps);
+        }
+        let mean = (weights.iter().map(|w| w * w).sum::<f64>() / weights.len() as f64).sqrt();
+        weights.iter_mut().for_each(|weight| *weight /= mean);
+        wish.asked_mps = wish.changes_mps.iter().zip(&weights).map(|(c, w)| (c * *w).norm_squared()).sum::<f64>().sqrt();
+        wish.goal = Goal::Drifts { rates, aims_mps, weights };
+        wish
+    }
+
+    /// Learns from a segment that leaves this share of what was asked.
+    pub fn learn(&mut self, is_clipped: bool, left: f64) {
+        let factor = if left < LITTLE_LEFT {
+            GROWS
+        } else if left > MUCH_LEFT {
+            FALLS
+        } else {
+            1.0
+        };
+        if is_clipped {
+            self.share = (factor * self.share).clamp(SHARES.0, SHARES.1);
+        }
+    }
+}
+
+/// Changes `velocities_mps` of parts at `places_m` until none closes a gap, beyond the one to keep, faster than
+/// [`CLOSING_PER_S`] times that gap.
+fn keep_clear(parts: &[MovingPart], params: &PlannerParams, places_m: &[Vec2], velocities_mps: &mut [Vec2]) {
+    for _ in 0..PASSES {
+        for i in 0..parts.len() {
+            for j in 0..i {
+                let apart_m = places_m[i] - places_m[j];
+                let gap_m = apart_m.norm() - parts[i].disc.radius_m - parts[j].disc.radius_m;
+                let Some(normal) = apart_m.try_normalize(0.0).filter(|_| gap_m < FAR_M) else { continue };
+                let closing_mps = -normal.dot(&(velocities_mps[i] - velocities_mps[j]));
+                let excess_mps = closing_mps - CLOSING_PER_S * (gap_m - params.separation_m - SPARE_M);
+                if excess_mps > 0.0 {
+                    velocities_mps[i] += normal * (0.5 * excess_mps);
+                    velocities_mps[j] -= normal * (0.5 * excess_mps);
+                }
+            }
+            let bound_m = params.half_side_m - parts[i].disc.radius_m - params.edge_margin_m - SPARE_M;
+            for axis in 0..2 {
+                let most_mps = CLOSING_PER_S * (bound_m - places_m[i][axis].abs());
+                let outwards = if places_m[i][axis] > 0.0 { 1.0 } else { -1.0 };
+                velocities_mps[i][axis] = outwards * (outwards * velocities_mps[i][axis]).min(most_mps);
+            }
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! A motion with its tables, as strong as motors and travel allow.
+
+use super::planner::MovingModel;
+use crate::planner::fields::harmonic_basis::{HarmonicBasis, PlateInstant};
+use upm_core::signal::{Envelope, MOTORS};
+
+/// Share of the motors' limit that a steady motion fills; the rest is for the cross-fade to the next one.
+const STEADY: f64 = 0.9;
+
+/// A motion of one period.
+#[derive(Clone, Debug)]
+pub(super) struct Motion {
+    pub coefficients: Vec<f64>,
+    /// The plate in every phase of the period.
+    pub plate: Vec<PlateInstant>,
+    /// Counts in every phase: steady ones, and shares of the envelope's slope and curvature.
+    counts: Vec<[[f64; MOTORS]; 3]>,
+}
+
+/// What motors and plate allow.
+#[derive(Clone, Debug)]
+pub(super) struct MotionLimits {
+    counts: f64,
+    travel_m: f64,
+    /// Height, slope and curvature of the attack in every phase.
+    flank: Vec<[f64; 3]>,
+}
+
+impl MotionLimits {
+    pub fn new(basis: &HarmonicBasis, envelope: &Envelope, counts: f64, travel_m: f64) -> Self {
+        let flank = |q: usize| {
+            let t_s = (q as f64 + 0.5) / basis.samples as f64 * envelope.attack_s;
+            [envelope.at(t_s), envelope.slope(t_s), envelope.curvature(t_s)]
+        };
+        Self { counts, travel_m, flank: (0..basis.samples).map(flank).collect() }
+    }
+}
+
+impl Motion {
+    /// The plate at rest.
+    pub fn rest(basis: &HarmonicBasis) -> Self {
+        Self {
+            coefficients: vec![0.0; basis.len()],
+            plate: vec![PlateInstant::default(); basis.samples],
+            counts: vec![[[0.0; MOTORS]; 3]; basis.samples],
+        }
+    }
+
+    /// The motion `coefficients`, as strong as the limits allow, or as near to it as the cross-fade from `last` permits.
+    pub fn strongest(
+        MovingModel { basis, effort, limits, .. }: &MovingModel,
+        coefficients: &[f64],
+        last: &Self,
+    ) -> Self {
+        let mut motion = Self {
+            coefficients: coefficients.to_vec(),
+            plate: basis.motion(coefficients),
+            counts: effort.counts(basis, coefficients),
+        };
+        let load = motion.load(limits);
+        if load > 0.0 {
+            motion.blend(0.0, load.recip(), last);
+        }
+        let share = motion.share_after(last, limits);
+        if share < 1.0 {
+            motion.blend(1.0 - share, share, last);
+        }
+        motion
+    }
+
+    /// The largest ratio of what the motion and its fade-out ask for to what is allowed.
+    fn load(&self, limits: &MotionLimits) -> f64 {
+        let travel_m = self.plate.iter().map(|plate| plate.offset_m.norm()).fold(0.0, f64::max);
+        let counts = self.counts.iter().zip(&limits.flank).flat_map(|([f, g, c], [height, slope, curvature])| {
+            (0..MOTORS).map(move |i| {
+                let fading = (1.0 - height) * f[i] - slope * g[i] - curvature * c[i];
+                (f[i] / STEADY).abs().max(fading.abs())
+            })
+        });
+        (travel_m / limits.travel_m).max(counts.fold(0.0, f64::max) / limits.counts)
+    }
+
+    /// The largest share of the change from `last` to this motion that the motors can play, 0 to 1.
+    fn share_after(&self, last: &Self, limits: &MotionLimits) -> f64 {
+        let mut share = 1.0f64;
+        for ((to, from), [height, slope, curvature]) in self.counts.iter().zip(&last.counts).zip(&limits.flank) {
+            for i in 0..MOTORS {
+                let change = [0, 1, 2].map(|part| to[part][i] - from[part][i]);
+                let change = height * change[0] + slope * change[1] + curvature * change[2];
+                let room = if change > 0.0 { limits.counts - from[0][i] } else { limits.counts + from[0][i] };
+                if share * change.abs() > room {
+                    share = (room / change.abs()).max(0.0);
+                }
+            }
+        }
+        share
+    }
+
+    /// `of_last` times `last` and `of_this` times this motion.
+    fn blend(&mut self, of_last: f64, of_this: f64, last: &Self) {
+        let mixed = |this: &mut f64, last: f64| *this = of_last * last + of_this * *this;
+        self.coefficients.iter_mut().zip(&last.coefficients).for_each(|(this, last)| mixed(this, *last));
+        for (this, last) in self.plate.iter_mut().zip(&last.plate) {
+            *this = this.shaped(of_this, 0.0).plus(&last.shaped(of_last, 0.0));
+        }
+        for (this, last) in self.counts.iter_mut().flatten().flatten().zip(last.counts.iter().flatten().flatten()) {
+            mixed(this, *last);
+        }
+    }
+}

@@ -1,0 +1,349 @@
+use std::f64::consts::TAU;
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::aims::{Aims, MovingPart};
+use super::filter::PartFilter;
+use super::motion::{Motion, MotionLimits};
+use super::search::{Goal, SegmentProblem, Shot};
+use crate::cor_library::Library;
+use crate::planner::cache::Cache;
+use crate::planner::fields::harmonic_basis::HarmonicBasis;
+use crate::planner::fields::motor_effort::MotorEffort;
+use crate::planner::fields::optimizer::RolloutPool;
+use crate::planner::fields::rollout::{Rollout, RolloutDisc};
+use crate::planner::fields::seeds::SeedLibrary;
+use crate::planner::friction::friction_of;
+use crate::planner::{FieldPulse, PlannerParams};
+use upm_core::geometry::Vec2;
+use upm_core::signal::{Envelope, Follows};
+
+/// Largest displacement of the plate, m: what the rods of both papers' machines allow.
+const TRAVEL_M: f64 = 6e-3;
+/// Price of a coefficient: a power of its harmonic, and less for spin. The force that it takes would be its first
+/// power, but the search would then slide into motions of few low harmonics, whose smooth fields cannot carry many
+/// parts each its own way.
+const PRICE_POWER: f64 = 0.75;
+const SPIN_PRICE: f64 = 0.7;
+/// Rounds of improvement: of each start from rest, of each other start, of the best one, of each motion of the bank.
+const FROM_REST_ROUNDS: usize = 8;
+const FIRST_ROUNDS: usize = 1;
+const ROUNDS: usize = 6;
+const BANK_ROUNDS: usize = 10;
+/// Motions of the bank that are tried from rest, and where the last motion leaves more than this share of what is
+/// asked.
+const BANK_FROM_REST: usize = 2;
+const BANK: usize = 5;
+const MUCH_LEFT: f64 = 0.4;
+/// Cost of a motion of the bank relative to the best so far below which it takes its place: a change has its own cost.
+const BETTER: f64 = 0.95;
+/// Even harmonics of the second start, relative to the last motion's: they determine where parts are carried, and
+/// reversed ones brake.
+const REVERSED: f64 = -0.4;
+/// Root mean square distance from the targets below which parts are set down, m, and the largest distance of a part
+/// after it: set-downs from farther away miss, and are forecast to 0.3 mm.
+const SET_DOWN_M: f64 = 1.5e-3;
+const SET_DOWN_WITHIN_M: f64 = 0.3e-3;
+/// A set-down from rest is worth it where it brings the worst part nearer by this factor.
+const NEARER: f64 = 0.7;
+/// Segments without getting nearer by this factor after which parts are set down anyway, where no part ends much
+/// farther away.
+const PATIENCE: usize = 8;
+const GETS_NEARER: f64 = 0.85;
+const FARTHER: f64 = 1.2;
+
+/// One segment of a motion without pauses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Segment {
+    /// The motion. Its drive rises over one period, plays for another, and decays over a third.
+    pub pulse: FieldPulse,
+    /// True for the last one, after which the parts rest.
+    pub sets_down: bool,
+    /// Forecast places at the end of its first period, m; of the last segment where the parts come to rest.
+    pub ends_m: Vec<Vec2>,
+}
+
+/// Plans motions that never stop until all parts are at their targets (equation sheet, section 6). It follows the parts
+/// by the camera's frames and by the motions that play.
+#[derive(Clone, Debug)]
+pub struct MovingPlanner {
+    params: PlannerParams,
+    model: Arc<MovingModel>,
+    parts: Vec<PartFilter>,
+    /// Step of the present segment up to which the parts were followed.
+    step: usize,
+    /// The motion before the present one, the present one, and the one planned after it.
+    before: Arc<Motion>,
+    present: Arc<Motion>,
+    planned: Arc<Motion>,
+    is_resting: bool,
+    /// The last motion that carried parts.
+    last: Option<Arc<Motion>>,
+    aims: Aims,
+    /// Segments in a row that did not bring the parts nearer, and the root mean square distance that they got to, m.
+    slow: usize,
+    best_m: f64,
+    pool: RolloutPool,
+}
+
+/// The tables that the planner computes of a library.
+#[derive(Debug)]
+pub(super) struct MovingModel {
+    pub basis: HarmonicBasis,
+    pub effort: MotorEffort,
+    pub limits: MotionLimits,
+    /// Price of each coefficient.
+    pub prices: Vec<f64>,
+    pub envelope: Envelope,
+    seeds: SeedLibrary,
+    friction: f64,
+}
+
+static COMPUTED: Cache<(Arc<Library>, PlannerParams), Option<Arc<MovingModel>>> = Cache::new();
+
+impl MovingModel {
+    fn new((library, params): &(Arc<Library>, PlannerParams)) -> Option<Arc<Self>> {
+        let segments = Library { fields: Some(library.segment_response()?), ..Library::clone(library) };
+        let fields = segments.fields.as_ref()?;
+        let basis = HarmonicBasis::for_segments(fields.base_radps, fields.twist_from_counts.len(), params.half_side_m);
+        let period_s = TAU / fields.base_radps;
+        let envelope = Envelope { attack_s: period_s, sustain_s: period_s, rest_s: fields.rest_s };
+        let price = |j: usize| {
+            let of_axis = if j < 2 * basis.per_axis() { 1.0 } else { SPIN_PRICE };
+            of_axis * libm::pow(basis.harmonic_of(j) as f64, PRICE_POWER)
+        };
+        Some(Arc::new(Self {
+            effort: MotorEffort::new(&basis, &segments, params.half_side_m)?,
+            limits: MotionLimits::new(&basis, &envelope, fields.limit_counts, TRAVEL_M),
+            prices: (0..basis.len()).map(price).collect(),
+            envelope,
+            seeds: SeedLibrary::rich(&basis, params.half_side_m),
+            friction: friction_of(library)?,
+            basis,
+        }))
+    }
+}
+
+impl MovingPlanner {
+    /// A planner for one rig's library and parts of these radii; `None` where the library has no fields or no friction.
+    pub fn new(library: &Arc<Library>, params: PlannerParams, radii_m: &[f64]) -> Option<Self> {
+        let model = Option::clone(&COMPUTED.get((Arc::clone(library), params), MovingModel::new))?;
+        let rest = Arc::new(Motion::rest(&model.basis));
+        Some(Self {
+            params,
+            parts: radii_m.iter().map(|&radius_m| PartFilter::new(radius_m, model.friction)).collect(),
+            step: 0,
+            before: Arc::clone(&rest),
+            present: Arc::clone(&rest),
+            planned: rest,
+            is_resting: true,
+            last: None,
+            aims: Aims::default(),
+            slow: 0,
+            best_m: f64::INFINITY,
+            pool: RolloutPool::default(),
+            model,
+        })
+    }
+
+    /// Length of a segment, s.
+    pub fn period_s(&self) -> f64 {
+        self.model.envelope.attack_s
+    }
+
+    /// The plate is at rest, and the parts rest at `places_m`.
+    pub fn rest(&mut self, places_m: &[Vec2]) {
+        let rest = Arc::new(Motion::rest(&self.model.basis));
+        self.parts.iter_mut().zip(places_m).for_each(|(part, &place_m)| part.rest(place_m));
+        (self.before, self.present, self.planned) = (Arc::clone(&rest), Arc::clone(&rest), rest);
+        (self.step, self.is_resting) = (0, true);
+    }
+
+    /// The planned segment begins to play.
+    pub fn begin(&mut self) {
+        if !self.is_resting {
+            self.advance(self.model.basis.steps_a_period());
+        }
+        self.before = std::mem::replace(&mut self.present, Arc::clone(&self.planned));
+        (self.step, self.is_resting) = (0, false);
+    }
+
+    /// Takes a frame exposed `at_s` after the present segment began; `seen_m` are the places of the parts in it, `None`
+    /// for those that it does not show.
+    pub fn observe(&mut self, at_s: f64, seen_m: &[Option<Vec2>]) {
+        let step_s = self.model.basis.step_s();
+        let step = (at_s / step_s).round().max(0.0) as usize;
+        self.advance(step);
+        let early_s = self.step as f64 * step_s - at_s;
+        for (part, seen_m) in self.parts.iter_mut().zip(seen_m) {
+            if let Some(seen_m) = seen_m {
+                part.correct(seen_m + part.disc().velocity_mps * early_s);
+            }
+        }
+    }
+
+    /// Estimated places of the parts, m.
+    pub fn places_m(&self) -> Vec<Vec2> {
+        self.parts.iter().map(|part| part.disc().position_m).collect()
+    }
+
+    /// Follows the parts up to `step` of the present segment.
+    fn advance(&mut self, step: usize) {
+        if step <= self.step {
+            return;
+        }
+        let after_s = (step - self.step) as f64 * self.model.basis.step_s();
+        let rollout = self.rollout(self.step..step);
+        self.parts.iter_mut().zip(rollout.last()).for_each(|(part, state)| part.predict(state, after_s));
+        self.pool.keep(rollout);
+        self.step = step;
+    }
+
+    /// The parts over `steps` of the present segment.
+    fn rollout(&self, steps: Range<usize>) -> Rollout {
+        let discs: Vec<RolloutDisc> = self.parts.iter().map(PartFilter::disc).collect();
+        let MovingModel { basis, envelope, .. } = &*self.model;
+        let mut rollout = self.pool.take();
+        rollout.run_faded(basis, [&self.before.plate, &self.present.plate], (envelope, steps), &discs);
+        rollout
+    }
+
+    /// Forecast places of the parts at the end of the present segment, m: those for which the next one is planned.
+    pub fn next_places_m(&self) -> Vec<Vec2> {
+        self.next_states().into_iter().map(|(place_m, ..)| place_m).collect()
+    }
+
+    /// Place, velocity and drift of every part at the end of the present segment.
+    fn next_states(&self) -> Vec<(Vec2, Vec2, Vec2)> {
+        if self.is_resting {
+            return self.places_m().into_iter().map(|place_m| (place_m, Vec2::zeros(), Vec2::zeros())).collect();
+        }
+        let steps = self.model.basis.steps_a_period();
+        if self.step >= steps {
+            let state = |part: &PartFilter| (part.disc().position_m, part.disc().velocity_mps, part.disc().velocity_mps);
+            return self.parts.iter().map(state).collect();
+        }
+        let rollout = self.rollout(self.step..steps);
+        let over_s = (steps - self.step) as f64 * self.model.basis.step_s();
+        let state = |((place_m, velocity_mps), part): ((Vec2, Vec2), &PartFilter)| {
+            let from = part.disc();
+            let drift_mps = (place_m - from.position_m) / over_s + (velocity_mps - from.velocity_mps) * 0.5;
+            (place_m, velocity_mps, drift_mps)
+        };
+        let states = rollout.last().zip(&self.parts).map(state).collect();
+        self.pool.keep(rollout);
+        states
+    }
+
+    /// Plans the segment after the present one, or the first one, towards `targets_m`; [`Self::begin`] begins it.
+    pub fn plan(&mut self, targets_m: &[Vec2]) -> Segment {
+        let states = self.next_states().into_iter().zip(targets_m).zip(&self.parts);
+        let part = |(((position_m, velocity_mps, drift_mps), target_m), part): ((_, &Vec2), &PartFilter)| {
+            let disc = RolloutDisc { position_m, velocity_mps, ..part.disc() };
+            MovingPart { disc, drift_mps, target_m: *target_m }
+        };
+        let parts: Vec<MovingPart> = states.map(part).collect();
+        let rms_m = (parts.iter().map(|p| p.left_m().norm_squared()).sum::<f64>() / parts.len() as f64).sqrt();
+        let is_slow = rms_m > GETS_NEARER * self.best_m;
+        self.slow = if is_slow { self.slow + 1 } else { 0 };
+        self.best_m = if is_slow { self.best_m.min(rms_m) } else { rms_m };
+        let set_down = if rms_m < SET_DOWN_M { self.set_down(&parts) } else { None };
+        let sets_down = set_down.is_some();
+        let (motion, ends_m) = set_down.unwrap_or_else(|| self.drift(&parts, rms_m));
+        self.planned = Arc::new(motion);
+        if sets_down {
+            (self.slow, self.best_m) = (0, f64::INFINITY);
+        } else {
+            self.last = Some(Arc::clone(&self.planned));
+        }
+        let wave = self.model.basis.wave(&self.planned.coefficients);
+        let sustain_s = self.model.envelope.sustain_s;
+        Segment { pulse: FieldPulse { wave, follows: Follows::Displacement, sustain_s }, sets_down, ends_m }
+    }
+
+    fn problem<'a>(&'a self, parts: &'a [MovingPart], discs: &'a [RolloutDisc], goal: &'a Goal) -> SegmentProblem<'a> {
+        SegmentProblem { model: &self.model, params: &self.params, last: &self.present, parts, discs, goal, pool: &self.pool }
+    }
+
+    /// The motion that brings the parts' drifts nearest to what their distances ask, and their places at its end.
+    fn drift(&mut self, parts: &[MovingPart], rms_m: f64) -> (Motion, Vec<Vec2>) {
+        let discs: Vec<RolloutDisc> = parts.iter().map(|part| part.disc).collect();
+        let wish = self.aims.wish(parts, &self.params, rms_m, self.period_s());
+        let problem = self.problem(parts, &discs, &wish.goal);
+        let better = |a: Shot, b: Shot| {
+            let (better, other) = if b.cost < a.cost { (b, a) } else { (a, b) };
+            self.pool.keep(other.rollout);
+            better
+        };
+        let rounds = if self.is_resting { FROM_REST_ROUNDS } else { FIRST_ROUNDS };
+        let starts = self.starts(&discs, &wish.changes_mps);
+        let improved = |start: &Vec<f64>, rounds: usize| problem.improved(problem.shot(start), rounds);
+        let still = || problem.shot(&self.present.coefficients);
+        let best = starts.iter().map(|start| improved(start, rounds)).reduce(better).unwrap_or_else(still);
+        let mut best = problem.improved(best, ROUNDS);
+        if wish.is_clipped && !self.is_resting && wish.left(&best.residual) > MUCH_LEFT {
+            for start in self.bank(&discs, &wish.changes_mps, BANK) {
+                let other = improved(&start, BANK_ROUNDS);
+                if other.cost < BETTER * best.cost {
+                    best = better(best, other);
+                } else {
+                    self.pool.keep(other.rollout);
+                }
+            }
+        }
+        let left = wish.left(&best.residual);
+        let ends_m = best.rollout.places_at(self.model.basis.steps_a_period());
+        self.pool.keep(best.rollout);
+        self.aims.learn(wish.is_clipped, left);
+        (best.motion, ends_m)
+    }
+
+    /// Motions from which the search starts.
+    fn starts(&self, discs: &[RolloutDisc], changes_mps: &[Vec2]) -> Vec<Vec<f64>> {
+        if self.is_resting {
+            let last = self.last.iter().map(|last| last.coefficients.clone());
+            return self.bank(discs, changes_mps, BANK_FROM_REST).into_iter().chain(last).collect();
+        }
+        let even = |j: usize| self.model.basis.harmonic_of(j).is_multiple_of(2);
+        let reversed = |(j, c): (usize, &f64)| if even(j) { REVERSED * c } else { *c };
+        let present = &self.present.coefficients;
+        vec![present.clone(), present.iter().enumerate().map(reversed).collect()]
+    }
+
+    fn bank(&self, discs: &[RolloutDisc], steps: &[Vec2], count: usize) -> Vec<Vec<f64>> {
+        let places_m: Vec<Vec2> = discs.iter().map(|disc| disc.position_m).collect();
+        self.model.seeds.best(&self.model.basis, &places_m, steps, count)
+    }
+
+    /// The motion after which the parts rest at their targets, and where they do; `None` where none brings them near
+    /// enough.
+    fn set_down(&self, parts: &[MovingPart]) -> Option<(Motion, Vec<Vec2>)> {
+        let discs: Vec<RolloutDisc> = parts.iter().map(|part| part.disc).collect();
+        let problem = self.problem(parts, &discs, &Goal::Ends);
+        let worst_m = parts.iter().map(|part| part.left_m().norm()).fold(0.0, f64::max);
+        let first = if self.is_resting { self.last.as_deref() } else { Some(&*self.present) };
+        let mut starts: Vec<Vec<f64>> = first.iter().map(|motion| motion.coefficients.clone()).collect();
+        if worst_m < 3.0 * SET_DOWN_M {
+            let ahead_s = 0.75 * self.period_s();
+            let steps: Vec<Vec2> = parts.iter().map(|part| part.left_m() - part.drift_mps * ahead_s).collect();
+            starts.extend(self.bank(&discs, &steps, BANK));
+        }
+        let mut best: Option<(f64, Motion, Vec<Vec2>)> = None;
+        for start in &starts {
+            let shot = problem.improved(problem.shot(start), BANK_ROUNDS);
+            let off_m = shot.worst();
+            if best.as_ref().is_none_or(|(best_m, ..)| off_m < *best_m) {
+                best = Some((off_m, shot.motion, shot.rollout.ends_m.clone()));
+            }
+            self.pool.keep(shot.rollout);
+            if off_m < 0.5 * SET_DOWN_WITHIN_M {
+                break;
+            }
+        }
+        let (off_m, motion, ends_m) = best?;
+        let is_worth_it = off_m < SET_DOWN_WITHIN_M
+            || (self.is_resting && off_m < NEARER * worst_m)
+            || (self.slow > PATIENCE && off_m < FARTHER * worst_m);
+        is_worth_it.then_some((motion, ends_m))
+    }
+}

@@ -1,0 +1,199 @@
+//! Search for the motion of the next segment: damped least squares as for a pulse from rest, on drifts instead of ends.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::aims::{CLOSING_PER_S, MovingPart};
+use super::motion::Motion;
+use super::planner::MovingModel;
+use crate::planner::PlannerParams;
+use crate::planner::fields::optimizer::{NARROWER, RAISED, REACH, RolloutPool, WIDER, WIDEST, damped_change};
+use crate::planner::fields::rollout::{Rollout, RolloutDisc};
+use upm_core::geometry::Vec2;
+
+/// Weight of a guard relative to a part's own residual.
+const GUARD: f64 = 5.0;
+/// Closing speed per gap that a guard allows, relative to that of the wishes.
+const STRICT: f64 = 1.3;
+/// Gap of a pair, and distance from the edge, from which on it needs no guard, m.
+const PAIR_M: f64 = 0.03;
+const EDGE_M: f64 = 0.02;
+
+/// What a segment should do.
+#[derive(Clone, Debug)]
+pub(super) enum Goal {
+    /// Drifts at its end: `drift + rate · place = aim` for each part.
+    Drifts { rates: Vec<f64>, aims_mps: Vec<Vec2>, weights: Vec<f64> },
+    /// Places where the parts come to rest after it has faded out.
+    Ends,
+}
+
+/// The search for one segment.
+#[derive(Clone, Copy)]
+pub(super) struct SegmentProblem<'a> {
+    pub model: &'a MovingModel,
+    pub params: &'a PlannerParams,
+    pub last: &'a Motion,
+    pub parts: &'a [MovingPart],
+    pub discs: &'a [RolloutDisc],
+    pub goal: &'a Goal,
+    pub pool: &'a RolloutPool,
+}
+
+/// A pair of parts, or a part and the edge, that end too close or close in too fast.
+#[derive(Clone, Copy, Debug)]
+struct Guard {
+    part: usize,
+    other: Option<usize>,
+    /// Unit vector away from the other part or the edge.
+    normal: Vec2,
+    /// Missing speed, m/s, or distance, m.
+    missing: f64,
+}
+
+/// A motion and its effect.
+#[derive(Clone, Debug)]
+pub(super) struct Shot {
+    pub motion: Motion,
+    pub rollout: Rollout,
+    /// Remaining error of each part, x and y in turn: m/s, weighted, or m.
+    pub residual: DVector<f64>,
+    guards: Vec<Guard>,
+    pub cost: f64,
+}
+
+impl Shot {
+    /// The largest residual of a part.
+    pub fn worst(&self) -> f64 {
+        self.residual.as_slice().chunks_exact(2).map(|r| Vec2::new(r[0], r[1]).norm()).fold(0.0, f64::max)
+    }
+}
+
+impl SegmentProblem<'_> {
+    fn window(&self) -> usize {
+        self.model.basis.steps_a_period()
+    }
+
+    /// The steps that are judged.
+    fn judged(&self) -> Range<usize> {
+        match self.goal {
+            Goal::Drifts { .. } => 0..2 * self.window(),
+            Goal::Ends => 0..3 * self.window(),
+        }
+    }
+
+    pub fn shot(&self, coefficients: &[f64]) -> Shot {
+        let motion = Motion::strongest(self.model, coefficients, self.last);
+        let mut rollout = self.pool.take();
+        let plates = [self.last.plate.as_slice(), motion.plate.as_slice()];
+        rollout.run_faded(&self.model.basis, plates, (&self.model.envelope, self.judged()), self.discs);
+        let (residual, guards): (Vec<Vec2>, _) = match self.goal {
+            Goal::Drifts { rates, aims_mps, weights } => {
+                let drifts_mps = rollout.drifts_mps(&self.model.basis, self.window());
+                let places_m: Vec<Vec2> = rollout.last().map(|(place_m, _)| place_m).collect();
+                let each = drifts_mps.iter().zip(&places_m).zip(rates).zip(aims_mps).zip(weights);
+                let residual = each.map(|((((d, p), rate), aim), weight)| (d + p * *rate - aim) * *weight).collect();
+                (residual, self.guards(&places_m, Some(&drifts_mps)))
+            }
+            Goal::Ends => {
+                let off = rollout.ends_m.iter().zip(self.parts).map(|(end, part)| end - part.target_m).collect();
+                (off, self.guards(&rollout.ends_m, None))
+            }
+        };
+        let residual = DVector::from_iterator(2 * residual.len(), residual.iter().flat_map(|r| [r.x, r.y]));
+        let guarded: f64 = guards.iter().map(|guard| guard.missing * guard.missing).sum();
+        let cost = residual.norm_squared() + GUARD * GUARD * guarded;
+        Shot { motion, rollout, residual, guards, cost }
+    }
+
+    /// Pairs and edges at `places_m` that are closed in on too fast with these drifts; without drifts, that are too
+    /// close.
+    fn guards(&self, places_m: &[Vec2], drifts_mps: Option<&[Vec2]>) -> Vec<Guard> {
+        let rate = if drifts_mps.is_some() { STRICT * CLOSING_PER_S } else { 1.0 };
+        let speed = |part: usize| drifts_mps.map_or(Vec2::zeros(), |drifts| drifts[part]);
+        let mut guards = Vec::new();
+        let mut note = |part: usize, other: Option<usize>, normal: Vec2, gap_m: f64, margin_m: f64| {
+            let relative = speed(part) - other.map_or(Vec2::zeros(), speed);
+            let missing = rate * (margin_m - gap_m) - normal.dot(&relative);
+            if missing > 0.0 {
+                guards.push(Guard { part, other, normal, missing });
+            }
+        };
+        for (i, (a_m, a)) in places_m.iter().zip(self.parts).enumerate() {
+            for (j, (b_m, b)) in places_m[..i].iter().zip(self.parts).enumerate() {
+                let apart_m = a_m - b_m;
+                let gap_m = apart_m.norm() - a.disc.radius_m - b.disc.radius_m;
+                if let Some(normal) = apart_m.try_normalize(0.0).filter(|_| gap_m < PAIR_M) {
+                    note(i, Some(j), normal, gap_m, self.params.separation_m);
+                }
+            }
+            for axis in 0..2 {
+                let gap_m = self.params.half_side_m - a.disc.radius_m - a_m[axis].abs();
+                if gap_m < EDGE_M {
+                    let mut normal = Vec2::zeros();
+                    normal[axis] = if a_m[axis] > 0.0 { -1.0 } else { 1.0 };
+                    note(i, None, normal, gap_m, self.params.edge_margin_m);
+                }
+            }
+        }
+        guards
+    }
+
+    /// Improves `shot` in `rounds` rounds.
+    pub fn improved(&self, mut shot: Shot, rounds: usize) -> Shot {
+        let (mut reach, mut raised, mut slopes) = (REACH, RAISED, None);
+        for _ in 0..rounds {
+            let of_shot = slopes.get_or_insert_with(|| self.slopes(&shot));
+            let missing = shot.residual.iter().map(|r| -r).chain(shot.guards.iter().map(|g| GUARD * g.missing));
+            let missing = DVector::from_iterator(of_shot.ncols(), missing);
+            let length = shot.motion.coefficients.iter().zip(&self.model.prices).map(|(c, w)| (c * w).powi(2)).sum::<f64>();
+            let Some(change) = damped_change(of_shot, &missing, reach * length.sqrt(), &mut raised) else { break };
+            let changed = shot.motion.coefficients.iter().zip(change.iter().zip(&self.model.prices)).map(|(c, (d, w))| c + d / w);
+            let next = self.shot(&changed.collect::<Vec<f64>>());
+            if next.cost < shot.cost {
+                (reach, slopes) = ((WIDER * reach).min(WIDEST), None);
+                self.pool.keep(std::mem::replace(&mut shot, next).rollout);
+            } else {
+                reach *= NARROWER;
+                self.pool.keep(next.rollout);
+            }
+        }
+        shot
+    }
+
+    /// Slopes of residuals and guards, a column for each, by coefficients as the metric measures them.
+    fn slopes(&self, shot: &Shot) -> DMatrix<f64> {
+        let (parts, basis) = (self.parts.len(), &self.model.basis);
+        let (mut slopes, of_guards) = match self.goal {
+            Goal::Drifts { rates, weights, .. } => {
+                let mut slopes = shot.rollout.drift_slopes(basis, self.window(), rates);
+                for (j, mut column) in slopes.column_iter_mut().enumerate() {
+                    column *= weights[j / 2];
+                }
+                let rates = vec![STRICT * CLOSING_PER_S; parts];
+                let of_guards = (!shot.guards.is_empty()).then(|| shot.rollout.drift_slopes(basis, self.window(), &rates));
+                (slopes, of_guards)
+            }
+            Goal::Ends => (shot.rollout.slopes(basis), None),
+        };
+        let of_guards = of_guards.as_ref().unwrap_or(&slopes);
+        let mut columns = DMatrix::zeros(basis.len(), shot.guards.len());
+        for (mut column, guard) in columns.column_iter_mut().zip(&shot.guards) {
+            let mut add = |part: usize, factor: f64| {
+                for axis in 0..2 {
+                    column.axpy(factor * guard.normal[axis], &of_guards.column(2 * part + axis), 1.0);
+                }
+            };
+            add(guard.part, GUARD);
+            guard.other.into_iter().for_each(|other| add(other, -GUARD));
+        }
+        let first = slopes.ncols();
+        slopes = slopes.resize_horizontally(first + columns.ncols(), 0.0);
+        slopes.columns_mut(first, columns.ncols()).copy_from(&columns);
+        for (mut row, weight) in slopes.row_iter_mut().zip(&self.model.prices) {
+            row /= *weight;
+        }
+        slopes
+    }
+}
