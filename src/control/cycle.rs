@@ -1,4 +1,5 @@
 mod end;
+mod moving;
 mod play;
 mod probe;
 
@@ -51,7 +52,7 @@ pub struct FinalState {
 /// Runs `task` to its end. Motors are at zero when this returns, also after an error.
 pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams) -> FinalState {
     let open = |io: &mut RunIo<'_>| {
-        let planner = match PulsePlanner::new(params.method, library, params.planner) {
+        let planner = match PulsePlanner::new(params, library) {
             Ok(planner) => planner,
             Err(ending) => return Break(ending),
         };
@@ -183,6 +184,11 @@ impl ControlCycle<'_, '_> {
         if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has(Finding::NoProgress) {
             let id = |part| self.params.id(part);
             return Break(self.planning.watch.ending(&wanted, &observed, self.params.method, id));
+        }
+        if let Some(moved) = self.move_on(&observed, wanted.clone()) {
+            *last_pulse_at = self.io.rig.now();
+            self.played = true;
+            return moved;
         }
         let planning = self.io.clock.elapsed();
         let plan = self.plan(&observed, &wanted)?;

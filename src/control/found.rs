@@ -67,7 +67,10 @@ pub(super) fn no_plan_reason<'a>(status: &PlanStatus, method: PlanningMethod, id
         (PlanStatus::Infeasible(Limit::Separation { parts: [a, b] }), _) => {
             format!("{} and {} would come too close to each other", id(*a), id(*b))
         }
-        (PlanStatus::Infeasible(Limit::Unreachable), PlanningMethod::SynthesizedField) => {
+        (
+            PlanStatus::Infeasible(Limit::Unreachable),
+            PlanningMethod::SynthesizedField | PlanningMethod::MovingField,
+        ) => {
             "no motion was found that brings the parts closer to their places".into()
         }
         (PlanStatus::Infeasible(Limit::Unreachable), PlanningMethod::CorSequence | PlanningMethod::PseudoInverse) => {

@@ -9,7 +9,7 @@ mod steps;
 
 use upm_core::job::Finding;
 
-pub(super) use delay::{DelayGuard, PictureLag, PlateSwing, SwingVerdict};
+pub(super) use delay::{DelayGuard, PictureLag, PlateSwing, SwingFade, SwingVerdict};
 pub(super) use freshness::{Freshness, StillnessGuard, UnusableFrame};
 pub(super) use limits::Limits;
 pub(super) use motion::{CoilResponses, MotionFinding, MotionGuard, PulseReading};

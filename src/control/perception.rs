@@ -256,6 +256,12 @@ impl Perception {
         self.tracker.tracks().iter().map(|track| track.seen.position_m).collect()
     }
 
+    /// Position of each part in the newest frame, m; `None` for those that it does not show.
+    pub(crate) fn seen_m(&self) -> Vec<Option<Vec2>> {
+        let tracks = self.tracker.tracks().iter();
+        tracks.map(|track| (track.frames_unseen == 0).then_some(track.seen.position_m)).collect()
+    }
+
     /// Indices of the parts that the newest frame does not show on the plate.
     pub fn missing_parts(&self) -> Vec<usize> {
         let tracks = self.tracker.tracks().iter().enumerate();

@@ -92,7 +92,7 @@ impl<'a> Planning<'a> {
     pub fn check_controllable(&self, seen_m: &[Vec2], wanted: &Setpoints) -> OrEnd {
         let by_rotations = match self.params.method {
             PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => true,
-            PlanningMethod::SynthesizedField => false,
+            PlanningMethod::SynthesizedField | PlanningMethod::MovingField => false,
         };
         if !by_rotations || wanted.subgoals_m == seen_m {
             return Continue(());

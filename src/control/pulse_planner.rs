@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
+use super::params::ControlParams;
 use super::run_end::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::{
-    Corridor, FieldPlanner, PartState, Plan, PlannedPulse, PlannerParams, PlanningMethod, PseudoInverse,
+    Corridor, FieldPlanner, MovingPlanner, PartState, Plan, PlannedPulse, PlanningMethod, PseudoInverse,
     RotationPlanner,
 };
 
@@ -20,22 +21,32 @@ pub(super) enum PulsePlanner {
         flows: RotationPlanner,
     },
     Fields(FieldPlanner),
+    /// Motions without pauses.
+    Moving(MovingPlanner),
 }
 
 impl PulsePlanner {
     /// The planner that `method` asks for, or the ending of a run whose library lacks what it needs.
-    pub fn new(method: PlanningMethod, library: &Arc<Library>, params: PlannerParams) -> Result<Self, RunEnd> {
+    pub fn new(run: &ControlParams, library: &Arc<Library>) -> Result<Self, RunEnd> {
+        let params = run.planner;
+        let no_fields = || {
+            let remedy = "take \"planner\": \"auto\" or \"cor_sequence\", or calibrate the rig with `fields`";
+            RunEnd::failed(format!("the library has no response to synthesised fields: {remedy}"))
+        };
         let rotations = || RotationPlanner::new(Arc::clone(library), params);
-        match method {
+        match run.method {
             PlanningMethod::CorSequence => Ok(Self::Rotations(rotations())),
             PlanningMethod::PseudoInverse => {
                 let planner = PseudoInverse::new(Arc::clone(library), params);
                 Ok(Self::PseudoInverse { planner, flows: rotations() })
             }
-            PlanningMethod::SynthesizedField => FieldPlanner::new(library, params).map(Self::Fields).ok_or_else(|| {
-                let remedy = "take \"planner\": \"auto\" or \"cor_sequence\", or calibrate the rig with `fields`";
-                RunEnd::failed(format!("the library has no response to synthesised fields: {remedy}"))
-            }),
+            PlanningMethod::SynthesizedField => {
+                FieldPlanner::new(library, params).map(Self::Fields).ok_or_else(no_fields)
+            }
+            PlanningMethod::MovingField => {
+                let radii_m: Vec<f64> = (0..run.parts.len()).map(|part| run.radius_m(part)).collect();
+                MovingPlanner::new(library, params, &radii_m).map(Self::Moving).ok_or_else(no_fields)
+            }
         }
     }
 
@@ -45,6 +56,8 @@ impl PulsePlanner {
             Self::Rotations(planner) => planner.plan(parts, corridors),
             Self::PseudoInverse { planner, .. } => planner.plan(parts),
             Self::Fields(planner) => planner.plan(parts, corridors),
+            // its segments are planned for parts in motion
+            Self::Moving(_) => Plan::default(),
         }
     }
 

@@ -124,6 +124,7 @@ impl Motors {
     /// Lets `drive` take over at the end of the present pulse's attack or, where that is over, of its sustain. Returns
     /// the time until then, s; `None` where it is too late or another one takes over already.
     pub fn take_over(&mut self, drive: Drive) -> Option<f64> {
+        self.exchange(self.steps as f64 * self.step_s);
         let present = self.drive.as_ref().filter(|_| self.next.is_none())?;
         let (now_s, envelope) = (self.steps as f64 * self.step_s, present.drive.envelope);
         let ends_s = [envelope.attack_s, envelope.attack_s + envelope.sustain_s].map(|end_s| present.start_s + end_s);
@@ -207,11 +208,7 @@ impl Motors {
         }
         self.held_sample = Some(sample);
         let t_s = sample as f64 / self.params.sample_hz;
-        if let Some(next) = self.next.take_if(|next| t_s >= next.start_s) {
-            self.fading = self.drive.take().map(|last| last.decaying_from(next.start_s));
-            self.drive = Some(next);
-            self.took_over = true;
-        }
+        self.exchange(t_s);
         let Some(present) = self.drive.as_ref().filter(|drive| t_s < drive.start_s + drive.drive.envelope.driven_s())
         else {
             self.hold(|_| 0.0);
@@ -225,6 +222,16 @@ impl Motors {
         }
         let played = played.map(|counts| counts.round().max(-limit).min(limit));
         self.hold(|motor| played[motor]);
+    }
+
+    /// Lets the next pulse take over if it is due at `t_s`.
+    fn exchange(&mut self, t_s: f64) {
+        // plate time is in whole nanoseconds
+        if let Some(next) = self.next.take_if(|next| t_s + 1e-9 >= next.start_s) {
+            self.fading = self.drive.take().map(|last| last.decaying_from(next.start_s));
+            self.drive = Some(next);
+            self.took_over = true;
+        }
     }
 
     /// Sets each motor to its `counts` from now on; a stuck coil keeps its own.

@@ -5,7 +5,7 @@ use std::ops::ControlFlow::{Break, Continue};
 use super::ControlCycle;
 use crate::found::Found;
 use crate::gain_estimator::{ForecastDeviation, MORE};
-use crate::guards::{MotionFinding, PictureLag, PlateSwing, PulseOutcome, PulseReading, SwingVerdict, went};
+use crate::guards::{MotionFinding, PictureLag, PlateSwing, PulseOutcome, PulseReading, SwingFade, SwingVerdict, went};
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
@@ -93,6 +93,11 @@ impl ControlCycle<'_, '_> {
         let is_as_planned = self.check_motion(planned, drive, &self.reading(fit, sensors, went))?;
         self.check_picture_delay(is_as_planned)?;
         let found = steps.and_then(|s| self.steps.check(&s.before_m, &s.by_learning_m, &s.after_m));
+        self.report_step(found)
+    }
+
+    /// Ends a run whose part does not go where it is carried.
+    pub(super) fn report_step(&mut self, found: Option<(usize, Finding)>) -> OrEnd {
         let Some((part, finding)) = found.filter(|(_, finding)| self.params.guards.has(*finding)) else {
             return Continue(());
         };
@@ -163,6 +168,7 @@ impl ControlCycle<'_, '_> {
     pub(super) fn swing_of(&self, wave: TwistWave, drive: &Drive) -> PlateSwing {
         PlateSwing {
             wave,
+            fade: SwingFade::Velocity,
             envelope: drive.envelope,
             half_side_m: 0.5 * self.io.model.plate_side_m,
             px_per_m: self.perception.table.mean_px_per_m(),
@@ -187,7 +193,7 @@ impl ControlCycle<'_, '_> {
 }
 
 /// The drive of the motors for a pulse; `Err` with the reason where the library cannot drive it.
-fn drive_of(library: &Library, planned: &PlannedPulse) -> Result<Drive, String> {
+pub(super) fn drive_of(library: &Library, planned: &PlannedPulse) -> Result<Drive, String> {
     planned.drive(library).ok_or_else(|| match planned {
         PlannedPulse::Rotation(rotation) => format!("library has no entry {}", rotation.entry),
         PlannedPulse::Field(field) => {

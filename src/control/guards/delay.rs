@@ -97,6 +97,8 @@ impl Residual {
 /// Planned swing of the plate in a pulse.
 #[derive(Clone, Debug)]
 pub struct PlateSwing {
+    /// The quantity that follows the outline, and the motion before it.
+    pub fade: SwingFade,
     /// Its velocity at full height, times from the start of the pulse.
     pub wave: TwistWave,
     /// Outline of the pulse, which the displacement follows.
@@ -105,6 +107,17 @@ pub struct PlateSwing {
     pub half_side_m: f64,
     /// Pixels per metre on the plate.
     pub px_per_m: f64,
+}
+
+/// The beginning of a planned swing.
+#[derive(Clone, Debug)]
+pub enum SwingFade {
+    /// From rest; the velocity follows the outline.
+    Velocity,
+    /// From rest; the displacement follows the outline.
+    Rest,
+    /// The displacement does, and another motion, of this velocity, fades out meanwhile.
+    From(TwistWave),
 }
 
 impl DelayGuard {
@@ -273,19 +286,40 @@ impl PlateSwing {
         if height == 0.0 {
             return 0.0;
         }
-        let (slope, curvature) = (self.envelope.slope(t_s), self.envelope.curvature(t_s));
-        let place = (1..).zip(&self.wave.harmonics).fold(Twist::ZERO, |place, (k, harmonic)| {
-            let rate = f64::from(k) * self.wave.base_radps;
-            let (sin, cos) = libm::sincos(rate * t_s);
-            let (velocity, integral) =
-                (harmonic.cos * cos + harmonic.sin * sin, harmonic.cos * sin + harmonic.sin * -cos);
-            place + integral * ((height - curvature / (rate * rate)) / rate) + velocity * (slope / (rate * rate))
-        });
+        let place = match &self.fade {
+            SwingFade::Velocity => self.place_by_velocity(t_s, height),
+            SwingFade::Rest => displacement(&self.wave, t_s) * height,
+            SwingFade::From(last) if t_s < self.envelope.attack_s => {
+                displacement(&self.wave, t_s) * height + displacement(last, t_s) * (1.0 - height)
+            }
+            SwingFade::From(_) => displacement(&self.wave, t_s) * height,
+        };
         let corners =
             [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * self.half_side_m);
         let displaced = corners.map(|corner| (place.velocity_mps + perp(corner) * place.spin_radps).norm());
         (self.px_per_m * displaced.into_iter().fold(0.0, f64::max)).min(FARTHEST_PX)
     }
+
+    /// The plate's place while its velocity is the wave times the outline's height.
+    fn place_by_velocity(&self, t_s: f64, height: f64) -> Twist {
+        let (slope, curvature) = (self.envelope.slope(t_s), self.envelope.curvature(t_s));
+        (1..).zip(&self.wave.harmonics).fold(Twist::ZERO, |place, (k, harmonic)| {
+            let rate = f64::from(k) * self.wave.base_radps;
+            let (sin, cos) = libm::sincos(rate * t_s);
+            let (velocity, integral) =
+                (harmonic.cos * cos + harmonic.sin * sin, harmonic.cos * sin + harmonic.sin * -cos);
+            place + integral * ((height - curvature / (rate * rate)) / rate) + velocity * (slope / (rate * rate))
+        })
+    }
+}
+
+/// Time integral of a periodic velocity, without a mean.
+fn displacement(wave: &TwistWave, t_s: f64) -> Twist {
+    (1..).zip(&wave.harmonics).fold(Twist::ZERO, |place, (k, harmonic)| {
+        let rate = f64::from(k) * wave.base_radps;
+        let (sin, cos) = libm::sincos(rate * t_s);
+        place + (harmonic.cos * sin - harmonic.sin * cos) * rate.recip()
+    })
 }
 
 #[cfg(test)]

@@ -20,18 +20,18 @@ impl Perception {
     /// Announces a pulse at `at` that should carry the parts to `forecast_m` and swing the plate by `swing`; `None`
     /// where the library gives no forecast.
     pub(crate) fn expect_pulse(&mut self, at: PlateTime, forecast_m: Option<&[Vec2]>, swing: Option<PlateSwing>) {
-        let places_m = self.positions_m();
-        self.expected_m = match forecast_m {
-            Some(forecast_m) => {
-                let reach_m = |from: &Vec2, to: &Vec2| REACH_M + REACH_OF_WAY * (to - from).norm();
-                places_m.iter().zip(forecast_m).map(|(from, to)| (*to, reach_m(from, to))).collect()
-            }
-            None => Vec::new(),
-        };
+        self.expect_places(forecast_m.unwrap_or_default());
         if let Some(swing) = swing {
             self.delay.begin(at.secs(), swing);
         }
         (self.motors_stopped, self.relocated) = (false, false);
+    }
+
+    /// The parts are next seen at rest at `forecast_m`.
+    pub(crate) fn expect_places(&mut self, forecast_m: &[Vec2]) {
+        let reach_m = |from: &Vec2, to: &Vec2| REACH_M + REACH_OF_WAY * (to - from).norm();
+        let places_m = self.positions_m();
+        self.expected_m = places_m.iter().zip(forecast_m).map(|(from, to)| (*to, reach_m(from, to))).collect();
     }
 
     /// True once a frame has differed from the first.

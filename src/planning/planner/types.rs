@@ -32,6 +32,8 @@ coded_enum! {
         PseudoInverse = "pseudo_inverse",
         /// One motion of many harmonics per cycle, synthesised for the steps wanted in it.
         SynthesizedField = "synthesized_field",
+        /// Such motions one after another without a pause: [`MovingPlanner`](super::MovingPlanner).
+        MovingField = "moving_field",
     }
 }
 

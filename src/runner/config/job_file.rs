@@ -195,6 +195,9 @@ pub enum PlannerChoice {
     /// One motion of many harmonics a cycle, which moves every part its own step at once. Asks for a rig with `fields`;
     /// much faster than rotations with several parts.
     SynthesizedField,
+    /// Such motions one after another without a pause: the parts keep the speed that they have won. For `arrange` and
+    /// `sort` on a rig with `fields`.
+    MovingField,
     /// The papers' plain method, for comparison: fixed centres, the ideal field, the pseudo-inverse.
     PseudoInverse,
 }

@@ -146,7 +146,7 @@ pub(crate) fn accuracy_m(camera: &CameraParams, scatter_m: f64) -> f64 {
 /// T²/32`.
 fn narrowest_m(rig: &RigSpec, parts: usize, planner: PlannerChoice) -> f64 {
     let fields = rig.model.fields.filter(|_| match planner {
-        PlannerChoice::SynthesizedField => true,
+        PlannerChoice::SynthesizedField | PlannerChoice::MovingField => true,
         PlannerChoice::Auto => parts > 1,
         PlannerChoice::CorSequence | PlannerChoice::PseudoInverse => false,
     });

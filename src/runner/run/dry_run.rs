@@ -73,7 +73,7 @@ pub fn dry_run(
     let mut jobs: Vec<JobSpec> = seeds.map(|seed| job.clone().at_the_same_places(seed)).collect();
     let fast = as_fast_as_possible(&job);
     jobs.extend(fast.iter().map(|(job, ..)| job.clone()));
-    let by_fields = params.method == PlanningMethod::SynthesizedField;
+    let by_fields = matches!(params.method, PlanningMethod::SynthesizedField | PlanningMethod::MovingField);
     // the dry runs begin at the same time: what their planners share is computed before, once
     let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
     let _rotations = (!by_fields).then(|| RotationPlanner::new(Arc::clone(library), params.planner));

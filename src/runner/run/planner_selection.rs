@@ -22,6 +22,7 @@ impl PlannerSelection {
         let (method, code, why) = match job.planner {
             PlannerChoice::CorSequence => named(PlanningMethod::CorSequence),
             PlannerChoice::SynthesizedField => named(PlanningMethod::SynthesizedField),
+            PlannerChoice::MovingField => named(PlanningMethod::MovingField),
             PlannerChoice::PseudoInverse => named(PlanningMethod::PseudoInverse),
             PlannerChoice::Auto if job.rig.model.fields.is_none() => {
                 (PlanningMethod::CorSequence, "no_fields", "the rig has no fields".to_owned())

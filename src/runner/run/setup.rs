@@ -188,7 +188,9 @@ fn motions(job: &JobSpec, library: &Library, method: PlanningMethod) -> Motions 
             stride_m: RotationPlanner::longest_path_m(parts, 0.5 * library.plate_side_m),
             effort: Arc::new(RotationEffort(FlowEffort::new(library))),
         },
-        PlanningMethod::PseudoInverse | PlanningMethod::SynthesizedField => Motions::Independent,
+        PlanningMethod::PseudoInverse | PlanningMethod::SynthesizedField | PlanningMethod::MovingField => {
+            Motions::Independent
+        }
     }
 }
 

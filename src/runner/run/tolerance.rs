@@ -35,7 +35,7 @@ const BROUGHT_BACK: f64 = 0.5;
 pub(super) fn finest_tolerance_m(job: &JobSpec, library: &Library) -> Option<f64> {
     let parts: usize = job.parts.iter().map(|group| group.count).sum();
     let (left_m, scatter_m) = match PlannerSelection::of(job).method {
-        PlanningMethod::SynthesizedField => (LEFT_M, FIELD_SCATTER_M),
+        PlanningMethod::SynthesizedField | PlanningMethod::MovingField => (LEFT_M, FIELD_SCATTER_M),
         PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => {
             (if parts > 1 { SQRT_2 * LEFT_M } else { LEFT_M }, scatter_m(&library.displacement))
         }

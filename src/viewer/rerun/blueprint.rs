@@ -104,7 +104,7 @@ fn run(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
 /// The view of a plan: one bar per rotation, or one per harmonic of a field.
 fn plan(layout: &mut ViewLayout, method: PlanningMethod) -> ContainerLike {
     let (name, origin) = match method {
-        PlanningMethod::SynthesizedField => ("Harmonics, mm/s", "plan/harmonics_mm_s"),
+        PlanningMethod::SynthesizedField | PlanningMethod::MovingField => ("Harmonics, mm/s", "plan/harmonics_mm_s"),
         PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => ("Plan: d, mm", "plan/d_mm"),
     };
     layout.bounded(name, origin, [-0.05, BARS_WIDTH + 0.05], [-0.05, 1.15])
@@ -122,7 +122,7 @@ fn signals(layout: &mut ViewLayout) -> ContainerLike {
 fn errors(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
     // fields have no d to sum up, and many tasks no path to keep to
     let shown = |path: &str| match path {
-        TOTAL => context.method != PlanningMethod::SynthesizedField,
+        TOTAL => !matches!(context.method, PlanningMethod::SynthesizedField | PlanningMethod::MovingField),
         CROSS_TRACK => !context.paths.is_empty(),
         _ => true,
     };

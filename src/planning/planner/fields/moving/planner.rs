@@ -77,6 +77,8 @@ pub struct MovingPlanner {
     present: Arc<Motion>,
     planned: Arc<Motion>,
     is_resting: bool,
+    /// A frame of the segment that begins next: time after its beginning, s, and the places of the parts.
+    early: Option<(f64, Vec<Option<Vec2>>)>,
     /// The last motion that carried parts.
     last: Option<Arc<Motion>>,
     aims: Aims,
@@ -137,6 +139,7 @@ impl MovingPlanner {
             present: Arc::clone(&rest),
             planned: rest,
             is_resting: true,
+            early: None,
             last: None,
             aims: Aims::default(),
             slow: 0,
@@ -156,7 +159,7 @@ impl MovingPlanner {
         let rest = Arc::new(Motion::rest(&self.model.basis));
         self.parts.iter_mut().zip(places_m).for_each(|(part, &place_m)| part.rest(place_m));
         (self.before, self.present, self.planned) = (Arc::clone(&rest), Arc::clone(&rest), rest);
-        (self.step, self.is_resting) = (0, true);
+        (self.step, self.is_resting, self.early) = (0, true, None);
     }
 
     /// The planned segment begins to play.
@@ -166,11 +169,18 @@ impl MovingPlanner {
         }
         self.before = std::mem::replace(&mut self.present, Arc::clone(&self.planned));
         (self.step, self.is_resting) = (0, false);
+        if let Some((at_s, seen_m)) = self.early.take() {
+            self.observe(at_s, &seen_m);
+        }
     }
 
     /// Takes a frame exposed `at_s` after the present segment began; `seen_m` are the places of the parts in it, `None`
-    /// for those that it does not show.
+    /// for those that it does not show. A frame exposed after the segment's end counts once the next one begins.
     pub fn observe(&mut self, at_s: f64, seen_m: &[Option<Vec2>]) {
+        if at_s > self.period_s() {
+            self.early = Some((at_s - self.period_s(), seen_m.to_vec()));
+            return;
+        }
         let step_s = self.model.basis.step_s();
         let step = (at_s / step_s).round().max(0.0) as usize;
         self.advance(step);

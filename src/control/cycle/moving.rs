@@ -1,0 +1,209 @@
+//! Motions without pauses: from rest, segment after segment, until the parts rest again.
+
+use std::ops::ControlFlow::{Break, Continue};
+use std::sync::atomic::Ordering;
+
+use super::ControlCycle;
+use super::play::drive_of;
+use crate::guards::{PlateSwing, SwingFade};
+use crate::perception::FramePurpose;
+use crate::pulse_planner::PulsePlanner;
+use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
+use crate::{CycleFacts, PulseFacts, PulsePositions};
+use upm_core::geometry::Vec2;
+use upm_core::job::Finding;
+use upm_core::signal::Drive;
+use upm_core::time::PlateTime;
+use upm_perception::estimation::FitFault;
+use upm_planning::planner::{MovingPlanner, Plan, PlanStatus, PlannedPulse, Segment};
+use upm_planning::task::Setpoints;
+
+/// Segments that count as one cycle for the watch of a run's progress: as long as a pulse from rest with its rest.
+const SEGMENTS_A_CYCLE: u64 = 5;
+
+/// A segment with its drive and what it was planned for.
+struct PlannedSegment {
+    segment: Segment,
+    drive: Drive,
+    wanted: Setpoints,
+    plan_us: f64,
+}
+
+impl ControlCycle<'_, '_> {
+    /// The planner of motions without pauses; `None` where the run has another.
+    fn moving(&mut self) -> Option<&mut MovingPlanner> {
+        match &mut self.planning.planner {
+            PulsePlanner::Moving(planner) => Some(planner),
+            _ => None,
+        }
+    }
+
+    /// Moves the parts, which rest at `observed`, without a pause until they rest again; returns where they do. `None`
+    /// where the run has another planner.
+    pub(super) fn move_on(&mut self, observed: &[Vec2], wanted: Setpoints) -> Option<OrEnd<Vec<Vec2>>> {
+        self.moving()?.rest(observed);
+        Some(self.move_until_rest(wanted))
+    }
+
+    fn move_until_rest(&mut self, wanted: Setpoints) -> OrEnd<Vec<Vec2>> {
+        let mut present = self.plan_segment(wanted)?;
+        let mut started_at = self.io.rig.now();
+        self.perception.expect_pulse(started_at, None, Some(self.swing(&present, None)));
+        flow(self.io.rig.play(&present.drive))?;
+        let mut segments = 0;
+        loop {
+            self.begin_segment();
+            let started = self.io.clock.elapsed();
+            let (observed_at, before_m) = (self.perception.seen_at(), self.places_m());
+            let next = if present.segment.sets_down { None } else { self.plan_next(started_at, segments)? };
+            let sets_down = present.segment.sets_down;
+            let forecast_m = if sets_down { present.segment.ends_m.clone() } else { self.next_places_m() };
+            let ends_at = match &next {
+                Some(next) => flow(self.io.rig.take_over(&next.drive))?,
+                None => self.io.rig.settled_at(),
+            };
+            let followed = self.follow_segment(started_at, next.as_ref().map(|_| ends_at), &forecast_m);
+            let is_over = next.is_none() || self.perception.motors_stopped;
+            let after_m = if is_over { self.perception.positions_m() } else { self.places_m() };
+            let trace = self.io.rig.trace();
+            let PlannedSegment { segment, drive, wanted, plan_us } = present;
+            let positions = PulsePositions {
+                before_m: before_m.clone(),
+                after_m: after_m.clone(),
+                by_library_m: forecast_m.clone(),
+                by_learning_m: forecast_m,
+            };
+            let planned = PlannedPulse::Field(segment.pulse);
+            let fit = Err(FitFault::Unreadable("the plate is never at full height"));
+            let facts = PulseFacts {
+                cycle: self.index,
+                started_at,
+                planned: planned.clone(),
+                is_probe: false,
+                drive,
+                trace,
+                fit,
+                positions: (self.perception.frames_missing() == 0).then_some(positions),
+            };
+            if !is_stopped(&followed) {
+                self.io.sink.pulse(&facts);
+            }
+            followed?;
+            let plan = Plan {
+                status: PlanStatus::Solved,
+                pulses: vec![planned],
+                predicted_m: vec![segment.ends_m],
+                ..Plan::default()
+            };
+            let cycle_us = (self.io.clock.elapsed() - started).as_secs_f64() * 1e6;
+            self.io.sink.cycle(&CycleFacts {
+                index: self.index,
+                observed_at,
+                observed_m: before_m,
+                wanted,
+                plan,
+                ended_at: self.perception.seen_at(),
+                result_m: after_m,
+                plan_us,
+                cycle_us,
+            });
+            self.index += 1;
+            segments += 1;
+            if !self.perception.motors_stopped {
+                self.doubt_segment(facts.positions.as_ref())?;
+            }
+            match next {
+                Some(next) if !is_over => {
+                    let swing = self.swing(&next, Some(&facts.planned));
+                    self.perception.delay.begin(ends_at.secs(), swing);
+                    (present, started_at) = (next, ends_at);
+                }
+                _ => break,
+            }
+        }
+        let is_seen = !self.perception.invalidates_plan() && self.perception.frames_missing() == 0;
+        if is_seen { Continue(self.perception.positions_m()) } else { self.observe_at_rest() }
+    }
+
+    /// Plans the segment after the present one, for the places that the parts will have at its end; `None` where the
+    /// plate should come to rest because another job waits.
+    fn plan_next(&mut self, started_at: PlateTime, segments: u64) -> OrEnd<Option<PlannedSegment>> {
+        self.check_limits()?;
+        if self.io.give_way.load(Ordering::Relaxed) {
+            return Continue(None);
+        }
+        let Some(planner) = self.moving() else { return Continue(None) };
+        let (at, places_m) = (started_at + planner.period_s(), planner.next_places_m());
+        let wanted = self.task.next(at, &places_m);
+        self.io.sink.setpoints(at, &wanted);
+        let is_counted = segments.is_multiple_of(SEGMENTS_A_CYCLE);
+        if is_counted && self.planning.watch.observe(&wanted, &places_m, true) && self.params.guards.has(Finding::NoProgress)
+        {
+            let id = |part| self.params.id(part);
+            return Break(self.planning.watch.ending(&wanted, &places_m, self.params.method, id));
+        }
+        self.plan_segment(wanted).map_continue(Some)
+    }
+
+    fn plan_segment(&mut self, wanted: Setpoints) -> OrEnd<PlannedSegment> {
+        self.check_stop()?;
+        let planning = self.io.clock.elapsed();
+        let Some(planner) = self.moving() else { return Break(RunEnd::failed("no planner of moving parts")) };
+        let segment = planner.plan(&wanted.subgoals_m);
+        let plan_us = (self.io.clock.elapsed() - planning).as_secs_f64() * 1e6;
+        let drive = match drive_of(self.library, &PlannedPulse::Field(segment.pulse.clone())) {
+            Ok(drive) => drive,
+            Err(reason) => return Break(RunEnd::failed(reason)),
+        };
+        Continue(PlannedSegment { segment, drive, wanted, plan_us })
+    }
+
+    fn begin_segment(&mut self) {
+        self.moving().into_iter().for_each(MovingPlanner::begin);
+    }
+
+    fn places_m(&mut self) -> Vec<Vec2> {
+        self.moving().map(|planner| planner.places_m()).unwrap_or_default()
+    }
+
+    fn next_places_m(&mut self) -> Vec<Vec2> {
+        self.moving().map(|planner| planner.next_places_m()).unwrap_or_default()
+    }
+
+    /// Follows the parts in a segment that began at `started_at` until the next one begins, or, for the last one, until
+    /// a frame shows everything at rest.
+    fn follow_segment(&mut self, started_at: PlateTime, until: Option<PlateTime>, forecast_m: &[Vec2]) -> OrEnd {
+        let Some(until) = until else {
+            self.perception.expect_places(forecast_m);
+            return self.follow(FramePurpose::Cycle);
+        };
+        while self.io.rig.now() < until && !self.perception.motors_stopped {
+            self.perception.observe(self.io, FramePurpose::Pulse)?;
+            self.check_stop()?;
+            self.check_lost()?;
+            if 2 * self.perception.frames_missing_in_clear_view() > self.params.lost_after_frames {
+                self.perception.stop_motors(self.io.rig);
+            }
+            let (at_s, seen_m) = (self.perception.seen_at().secs_since(started_at), self.perception.seen_m());
+            self.moving().into_iter().for_each(|planner| planner.observe(at_s, &seen_m));
+        }
+        Continue(())
+    }
+
+    /// Compares a segment with its plan: the pictures' timing, the parts' steps.
+    fn doubt_segment(&mut self, positions: Option<&PulsePositions>) -> OrEnd {
+        self.check_picture_delay(true)?;
+        let found = positions.and_then(|s| self.steps.check(&s.before_m, &s.by_learning_m, &s.after_m));
+        self.report_step(found)
+    }
+
+    /// Swing of the plate while `next` takes over from `last`.
+    fn swing(&self, next: &PlannedSegment, last: Option<&PlannedPulse>) -> PlateSwing {
+        let wave = next.segment.pulse.wave.clone();
+        let fade = match last {
+            Some(PlannedPulse::Field(last)) => SwingFade::From(last.wave.clone()),
+            _ => SwingFade::Rest,
+        };
+        PlateSwing { fade, ..self.swing_of(wave, &next.drive) }
+    }
+}
