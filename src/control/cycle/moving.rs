@@ -21,6 +21,10 @@ use upm_planning::task::Setpoints;
 /// Segments that count as one cycle for the watch of a run's progress: as long as a pulse from rest with its rest.
 const SEGMENTS_A_CYCLE: u64 = 5;
 
+/// Frames without a part after which the plate comes to rest: it may have been carried under something, or over the
+/// edge.
+const UNSEEN_FRAMES: u32 = 6;
+
 /// A segment with its drive and what it was planned for.
 struct PlannedSegment {
     segment: Segment,
@@ -126,10 +130,10 @@ impl ControlCycle<'_, '_> {
     }
 
     /// Plans the segment after the present one, for the places that the parts will have at its end; `None` where the
-    /// plate should come to rest because another job waits.
+    /// plate should come to rest because another job waits or a part is out of sight.
     fn plan_next(&mut self, started_at: PlateTime, segments: u64) -> OrEnd<Option<PlannedSegment>> {
         self.check_limits()?;
-        if self.io.give_way.load(Ordering::Relaxed) {
+        if self.io.give_way.load(Ordering::Relaxed) || self.perception.frames_missing() > UNSEEN_FRAMES {
             return Continue(None);
         }
         let Some(planner) = self.moving() else { return Continue(None) };

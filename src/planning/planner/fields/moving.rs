@@ -5,6 +5,7 @@
 //! one is planned for the state that the parts will have at its end.
 
 mod aims;
+mod constrained;
 mod filter;
 mod motion;
 mod planner;

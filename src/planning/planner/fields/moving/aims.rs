@@ -13,6 +13,9 @@ pub(super) const CLOSING_PER_S: f64 = 5.0;
 const SPARE_M: f64 = 0.3e-3;
 /// Gap from which on a pair is far, m.
 const FAR_M: f64 = 0.05;
+/// Distance from the edge within which a part is carried only where its target is, m: a rim that the shaken plate does
+/// not carry cannot be seen.
+const EDGE_M: f64 = 5e-3;
 /// Passes over all pairs.
 const PASSES: usize = 30;
 /// Largest speed per distance left, 1/s: a part is seen, and its next motion planned, a segment and a half before.
@@ -44,6 +47,13 @@ pub(super) struct MovingPart {
 }
 
 impl MovingPart {
+    /// Distance of its rim from the edge of the plate at rest that it should keep, m: more than the edge moves inwards,
+    /// unless its target is nearer.
+    pub fn edge_margin_m(&self, params: &PlannerParams) -> f64 {
+        let at_target_m = params.half_side_m - self.disc.radius_m - self.target_m.amax();
+        at_target_m.clamp(params.edge_margin_m, params.edge_margin_m.max(EDGE_M))
+    }
+
     pub fn left_m(&self) -> Vec2 {
         self.target_m - self.disc.position_m
     }
@@ -143,7 +153,7 @@ fn keep_clear(parts: &[MovingPart], params: &PlannerParams, places_m: &[Vec2], v
                     velocities_mps[j] -= normal * (0.5 * excess_mps);
                 }
             }
-            let bound_m = params.half_side_m - parts[i].disc.radius_m - params.edge_margin_m - SPARE_M;
+            let bound_m = params.half_side_m - parts[i].disc.radius_m - parts[i].edge_margin_m(params) - SPARE_M;
             for axis in 0..2 {
                 let most_mps = CLOSING_PER_S * (bound_m - places_m[i][axis].abs());
                 let outwards = if places_m[i][axis] > 0.0 { 1.0 } else { -1.0 };

@@ -47,10 +47,21 @@ impl Motion {
     }
 
     /// The motion `coefficients`, as strong as the limits allow, or as near to it as the cross-fade from `last` permits.
-    pub fn strongest(
+    pub fn strongest(model: &MovingModel, coefficients: &[f64], last: &Self) -> Self {
+        Self::scaled(model, coefficients, last, 0.0)
+    }
+
+    /// The motion `coefficients`, weakened where it asks for more than the limits allow.
+    pub fn within_limits(model: &MovingModel, coefficients: &[f64], last: &Self) -> Self {
+        Self::scaled(model, coefficients, last, 1.0)
+    }
+
+    /// The motion as strong as it can be where it asks for more than `least` of the limits.
+    fn scaled(
         MovingModel { basis, effort, limits, .. }: &MovingModel,
         coefficients: &[f64],
         last: &Self,
+        least: f64,
     ) -> Self {
         let mut motion = Self {
             coefficients: coefficients.to_vec(),
@@ -58,7 +69,7 @@ impl Motion {
             counts: effort.counts(basis, coefficients),
         };
         let load = motion.load(limits);
-        if load > 0.0 {
+        if load > least {
             motion.blend(0.0, load.recip(), last);
         }
         let share = motion.share_after(last, limits);

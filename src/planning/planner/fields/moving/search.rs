@@ -43,13 +43,21 @@ pub(super) struct SegmentProblem<'a> {
 
 /// A pair of parts, or a part and the edge, that end too close or close in too fast.
 #[derive(Clone, Copy, Debug)]
-struct Guard {
+pub(super) struct Guard {
     part: usize,
     other: Option<usize>,
     /// Unit vector away from the other part or the edge.
     normal: Vec2,
     /// Missing speed, m/s, or distance, m.
-    missing: f64,
+    pub missing: f64,
+}
+
+impl Guard {
+    /// True for guards of the same pair, or of the same part and side.
+    pub fn is_of(&self, other: &Self) -> bool {
+        let same_side = self.other.is_some() || self.normal.dot(&other.normal) > 0.5;
+        (self.part, self.other) == (other.part, other.other) && same_side
+    }
 }
 
 /// A motion and its effect.
@@ -59,7 +67,7 @@ pub(super) struct Shot {
     pub rollout: Rollout,
     /// Remaining error of each part, x and y in turn: m/s, weighted, or m.
     pub residual: DVector<f64>,
-    guards: Vec<Guard>,
+    pub guards: Vec<Guard>,
     pub cost: f64,
 }
 
@@ -83,8 +91,17 @@ impl SegmentProblem<'_> {
         }
     }
 
+    /// The motion `coefficients` as strong as it can be, and its effect.
     pub fn shot(&self, coefficients: &[f64]) -> Shot {
-        let motion = Motion::strongest(self.model, coefficients, self.last);
+        self.effect(Motion::strongest(self.model, coefficients, self.last))
+    }
+
+    /// The motion `coefficients`, weakened where it is too strong, and its effect.
+    pub fn within_limits(&self, coefficients: &[f64]) -> Shot {
+        self.effect(Motion::within_limits(self.model, coefficients, self.last))
+    }
+
+    fn effect(&self, motion: Motion) -> Shot {
         let mut rollout = self.pool.take();
         let plates = [self.last.plate.as_slice(), motion.plate.as_slice()];
         rollout.run_faded(&self.model.basis, plates, (&self.model.envelope, self.judged()), self.discs);
@@ -94,11 +111,11 @@ impl SegmentProblem<'_> {
                 let places_m: Vec<Vec2> = rollout.last().map(|(place_m, _)| place_m).collect();
                 let each = drifts_mps.iter().zip(&places_m).zip(rates).zip(aims_mps).zip(weights);
                 let residual = each.map(|((((d, p), rate), aim), weight)| (d + p * *rate - aim) * *weight).collect();
-                (residual, self.guards(&places_m, Some(&drifts_mps)))
+                (residual, self.guards(&places_m, Some(&drifts_mps), 0.0))
             }
             Goal::Ends => {
                 let off = rollout.ends_m.iter().zip(self.parts).map(|(end, part)| end - part.target_m).collect();
-                (off, self.guards(&rollout.ends_m, None))
+                (off, self.guards(&rollout.ends_m, None, 0.0))
             }
         };
         let residual = DVector::from_iterator(2 * residual.len(), residual.iter().flat_map(|r| [r.x, r.y]));
@@ -107,16 +124,26 @@ impl SegmentProblem<'_> {
         Shot { motion, rollout, residual, guards, cost }
     }
 
-    /// Pairs and edges at `places_m` that are closed in on too fast with these drifts; without drifts, that are too
-    /// close.
-    fn guards(&self, places_m: &[Vec2], drifts_mps: Option<&[Vec2]>) -> Vec<Guard> {
+    /// All pairs and edges with no more than `spare` left.
+    pub fn gaps(&self, shot: &Shot, spare: f64) -> Vec<Guard> {
+        if let Goal::Ends = self.goal {
+            return self.guards(&shot.rollout.ends_m, None, spare);
+        }
+        let drifts_mps = shot.rollout.drifts_mps(&self.model.basis, self.window());
+        let places_m: Vec<Vec2> = shot.rollout.last().map(|(place_m, _)| place_m).collect();
+        self.guards(&places_m, Some(&drifts_mps), spare)
+    }
+
+    /// Pairs and edges at `places_m` that are closed in on too fast with these drifts or nearly so, with no more than
+    /// `spare` left; without drifts, that are too close.
+    fn guards(&self, places_m: &[Vec2], drifts_mps: Option<&[Vec2]>, spare: f64) -> Vec<Guard> {
         let rate = if drifts_mps.is_some() { STRICT * CLOSING_PER_S } else { 1.0 };
         let speed = |part: usize| drifts_mps.map_or(Vec2::zeros(), |drifts| drifts[part]);
         let mut guards = Vec::new();
         let mut note = |part: usize, other: Option<usize>, normal: Vec2, gap_m: f64, margin_m: f64| {
             let relative = speed(part) - other.map_or(Vec2::zeros(), speed);
             let missing = rate * (margin_m - gap_m) - normal.dot(&relative);
-            if missing > 0.0 {
+            if missing > -spare {
                 guards.push(Guard { part, other, normal, missing });
             }
         };
@@ -133,7 +160,7 @@ impl SegmentProblem<'_> {
                 if gap_m < EDGE_M {
                     let mut normal = Vec2::zeros();
                     normal[axis] = if a_m[axis] > 0.0 { -1.0 } else { 1.0 };
-                    note(i, None, normal, gap_m, self.params.edge_margin_m);
+                    note(i, None, normal, gap_m, a.edge_margin_m(self.params));
                 }
             }
         }
@@ -147,10 +174,9 @@ impl SegmentProblem<'_> {
             let of_shot = slopes.get_or_insert_with(|| self.slopes(&shot));
             let missing = shot.residual.iter().map(|r| -r).chain(shot.guards.iter().map(|g| GUARD * g.missing));
             let missing = DVector::from_iterator(of_shot.ncols(), missing);
-            let length = shot.motion.coefficients.iter().zip(&self.model.prices).map(|(c, w)| (c * w).powi(2)).sum::<f64>();
+            let length: f64 = self.priced(&shot.motion.coefficients).iter().map(|c| c * c).sum();
             let Some(change) = damped_change(of_shot, &missing, reach * length.sqrt(), &mut raised) else { break };
-            let changed = shot.motion.coefficients.iter().zip(change.iter().zip(&self.model.prices)).map(|(c, (d, w))| c + d / w);
-            let next = self.shot(&changed.collect::<Vec<f64>>());
+            let next = self.shot(&self.changed(&shot.motion.coefficients, &change));
             if next.cost < shot.cost {
                 (reach, slopes) = ((WIDER * reach).min(WIDEST), None);
                 self.pool.keep(std::mem::replace(&mut shot, next).rollout);
@@ -162,38 +188,74 @@ impl SegmentProblem<'_> {
         shot
     }
 
-    /// Slopes of residuals and guards, a column for each, by coefficients as the metric measures them.
+    /// The coefficients as their prices measure them.
+    pub fn priced(&self, coefficients: &[f64]) -> Vec<f64> {
+        coefficients.iter().zip(&self.model.prices).map(|(c, price)| c * price).collect()
+    }
+
+    /// The coefficients after `change`, as prices measure it.
+    pub fn changed(&self, coefficients: &[f64], change: &DVector<f64>) -> Vec<f64> {
+        let changes = change.iter().zip(&self.model.prices);
+        coefficients.iter().zip(changes).map(|(c, (change, price))| c + change / price).collect()
+    }
+
+    /// Slopes of residuals and guards, a column for each, by coefficients as the prices measure them.
     fn slopes(&self, shot: &Shot) -> DMatrix<f64> {
-        let (parts, basis) = (self.parts.len(), &self.model.basis);
-        let (mut slopes, of_guards) = match self.goal {
+        let slopes = self.task_slopes(shot);
+        if shot.guards.is_empty() {
+            return slopes;
+        }
+        let columns = self.guard_columns(&self.gap_slopes(shot), &shot.guards) * GUARD;
+        let first = slopes.ncols();
+        let mut all = slopes.resize_horizontally(first + columns.ncols(), 0.0);
+        all.columns_mut(first, columns.ncols()).copy_from(&columns);
+        all
+    }
+
+    /// Slopes of the residuals.
+    pub fn task_slopes(&self, shot: &Shot) -> DMatrix<f64> {
+        let basis = &self.model.basis;
+        let mut slopes = match self.goal {
             Goal::Drifts { rates, weights, .. } => {
                 let mut slopes = shot.rollout.drift_slopes(basis, self.window(), rates);
-                for (j, mut column) in slopes.column_iter_mut().enumerate() {
-                    column *= weights[j / 2];
-                }
-                let rates = vec![STRICT * CLOSING_PER_S; parts];
-                let of_guards = (!shot.guards.is_empty()).then(|| shot.rollout.drift_slopes(basis, self.window(), &rates));
-                (slopes, of_guards)
+                slopes.column_iter_mut().enumerate().for_each(|(j, mut column)| column *= weights[j / 2]);
+                slopes
             }
-            Goal::Ends => (shot.rollout.slopes(basis), None),
+            Goal::Ends => shot.rollout.slopes(basis),
         };
-        let of_guards = of_guards.as_ref().unwrap_or(&slopes);
-        let mut columns = DMatrix::zeros(basis.len(), shot.guards.len());
-        for (mut column, guard) in columns.column_iter_mut().zip(&shot.guards) {
-            let mut add = |part: usize, factor: f64| {
-                for axis in 0..2 {
-                    column.axpy(factor * guard.normal[axis], &of_guards.column(2 * part + axis), 1.0);
-                }
-            };
-            add(guard.part, GUARD);
-            guard.other.into_iter().for_each(|other| add(other, -GUARD));
-        }
-        let first = slopes.ncols();
-        slopes = slopes.resize_horizontally(first + columns.ncols(), 0.0);
-        slopes.columns_mut(first, columns.ncols()).copy_from(&columns);
-        for (mut row, weight) in slopes.row_iter_mut().zip(&self.model.prices) {
-            row /= *weight;
-        }
+        self.price(&mut slopes);
         slopes
+    }
+
+    /// Slopes of what guards are made of, x and y of each part in turn.
+    pub fn gap_slopes(&self, shot: &Shot) -> DMatrix<f64> {
+        let basis = &self.model.basis;
+        let mut slopes = match self.goal {
+            Goal::Drifts { .. } => {
+                let rates = vec![STRICT * CLOSING_PER_S; self.parts.len()];
+                shot.rollout.drift_slopes(basis, self.window(), &rates)
+            }
+            Goal::Ends => shot.rollout.slopes(basis),
+        };
+        self.price(&mut slopes);
+        slopes
+    }
+
+    /// Slopes of each guard, a column for each, from those of the parts.
+    pub fn guard_columns(&self, of_parts: &DMatrix<f64>, guards: &[Guard]) -> DMatrix<f64> {
+        let mut columns = DMatrix::zeros(of_parts.nrows(), guards.len());
+        for (mut column, guard) in columns.column_iter_mut().zip(guards) {
+            for axis in 0..2 {
+                column.axpy(guard.normal[axis], &of_parts.column(2 * guard.part + axis), 1.0);
+                if let Some(other) = guard.other {
+                    column.axpy(-guard.normal[axis], &of_parts.column(2 * other + axis), 1.0);
+                }
+            }
+        }
+        columns
+    }
+
+    fn price(&self, slopes: &mut DMatrix<f64>) {
+        slopes.row_iter_mut().zip(&self.model.prices).for_each(|(mut row, price)| row /= *price);
     }
 }
