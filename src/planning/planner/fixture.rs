@@ -74,6 +74,7 @@ fn build() -> Arc<Library> {
 pub(super) fn params() -> PlannerParams {
     PlannerParams {
         half_side_m: HALF_SIDE_M,
+        lever_arm_m: 0.1,
         edge_margin_m: 0.001,
         separation_m: 0.0015,
         min_distance_m: 0.0002,

@@ -42,6 +42,8 @@ coded_enum! {
 pub struct PlannerParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,
+    /// Distance of the motors' lines of action from the plate's centre, m.
+    pub lever_arm_m: f64,
     /// Distance of a part's rim from the plate's edge, m; negative lets it overhang.
     pub edge_margin_m: f64,
     /// Gap kept between rims, m.

@@ -123,6 +123,7 @@ fn kinds_present(job: &JobSpec, placed: &[PlacedPart]) -> (Vec<PartKind>, Vec<us
 /// Limits and weights of the planner in every run on a rig.
 pub fn planner_params(model: &RigModel) -> PlannerParams {
     PlannerParams {
+        lever_arm_m: model.lever_arm_m,
         half_side_m: 0.5 * model.plate_side_m,
         edge_margin_m: REST_MARGIN_M,
         separation_m: REST_GAP_M,

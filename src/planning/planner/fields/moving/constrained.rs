@@ -47,7 +47,6 @@ impl SegmentProblem<'_> {
             let broken: Vec<Guard> =
                 next.guards.iter().filter(|guard| !rows.iter().any(|row| row.is_of(guard))).copied().collect();
             let is_better = merit(&next) < merit(&best);
-            if std::env::var("dbg").is_ok() { eprintln!("qp rows {} residual {:.4} -> {:.4} guards {:.4} -> {:.4} n {} -> {} change {:.3} of {:.3}", rows.len(), best.residual.norm(), next.residual.norm(), best.guards.iter().map(|g| g.missing).fold(0.0, f64::max), next.guards.iter().map(|g| g.missing).fold(0.0, f64::max), best.guards.len(), next.guards.len(), change.norm(), length.sqrt()); }
             let other = if is_better { std::mem::replace(&mut best, next) } else { next };
             self.pool.keep(other.rollout);
             if broken.is_empty() && is_better {

@@ -2,10 +2,41 @@
 
 use super::planner::MovingModel;
 use crate::planner::fields::harmonic_basis::{HarmonicBasis, PlateInstant};
+use upm_core::geometry::{Vec2, perp};
 use upm_core::signal::{Envelope, MOTORS};
 
 /// Share of the motors' limit that a steady motion fills; the rest is for the cross-fade to the next one.
 const STEADY: f64 = 0.9;
+
+/// Largest displacement of the plate at a voice coil, m: half the stroke of coils of this force.
+const STROKE_M: f64 = 6e-3;
+/// Share of its radius that the centre of a part stays from the edge of the shaken plate.
+const KEPT: f64 = 0.5;
+/// Least room to swing beside a part, m: with less, a part at the edge could not be moved away from it.
+const LEAST_ROOM_M: f64 = 2e-3;
+
+/// A part beside the edge of the plate.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NearEdge {
+    place_m: Vec2,
+    /// Unit vector away from the edge.
+    inwards: Vec2,
+    /// Distance by which the edge may come nearer, m.
+    room_m: f64,
+}
+
+impl NearEdge {
+    /// The sides of a plate beside a part of `radius_m` at `place_m` that no allowed motion could pull from under it.
+    pub fn of(place_m: Vec2, radius_m: f64, half_side_m: f64) -> impl Iterator<Item = Self> {
+        (0..2).filter_map(move |axis| {
+            let room_m = (half_side_m - place_m[axis].abs() - KEPT * radius_m).max(LEAST_ROOM_M);
+            let mut inwards = Vec2::zeros();
+            inwards[axis] = -place_m[axis].signum();
+            // a turn by the whole stroke moves a corner by twice as much or so
+            (room_m < 3.0 * STROKE_M).then_some(Self { place_m, inwards, room_m })
+        })
+    }
+}
 
 /// A motion of one period.
 #[derive(Clone, Debug)]
@@ -21,18 +52,18 @@ pub(super) struct Motion {
 #[derive(Clone, Debug)]
 pub(super) struct MotionLimits {
     counts: f64,
-    travel_m: f64,
+    lever_arm_m: f64,
     /// Height, slope and curvature of the attack in every phase.
     flank: Vec<[f64; 3]>,
 }
 
 impl MotionLimits {
-    pub fn new(basis: &HarmonicBasis, envelope: &Envelope, counts: f64, travel_m: f64) -> Self {
+    pub fn new(basis: &HarmonicBasis, envelope: &Envelope, counts: f64, lever_arm_m: f64) -> Self {
         let flank = |q: usize| {
             let t_s = (q as f64 + 0.5) / basis.samples as f64 * envelope.attack_s;
             [envelope.at(t_s), envelope.slope(t_s), envelope.curvature(t_s)]
         };
-        Self { counts, travel_m, flank: (0..basis.samples).map(flank).collect() }
+        Self { counts, lever_arm_m, flank: (0..basis.samples).map(flank).collect() }
     }
 }
 
@@ -47,18 +78,19 @@ impl Motion {
     }
 
     /// The motion `coefficients`, as strong as the limits allow, or as near to it as the cross-fade from `last` permits.
-    pub fn strongest(model: &MovingModel, coefficients: &[f64], last: &Self) -> Self {
-        Self::scaled(model, coefficients, last, 0.0)
+    pub fn strongest(model: &MovingModel, edges: &[NearEdge], coefficients: &[f64], last: &Self) -> Self {
+        Self::scaled(model, edges, coefficients, last, 0.0)
     }
 
     /// The motion `coefficients`, weakened where it asks for more than the limits allow.
-    pub fn within_limits(model: &MovingModel, coefficients: &[f64], last: &Self) -> Self {
-        Self::scaled(model, coefficients, last, 1.0)
+    pub fn within_limits(model: &MovingModel, edges: &[NearEdge], coefficients: &[f64], last: &Self) -> Self {
+        Self::scaled(model, edges, coefficients, last, 1.0)
     }
 
     /// The motion as strong as it can be where it asks for more than `least` of the limits.
     fn scaled(
         MovingModel { basis, effort, limits, .. }: &MovingModel,
+        edges: &[NearEdge],
         coefficients: &[f64],
         last: &Self,
         least: f64,
@@ -68,7 +100,7 @@ impl Motion {
             plate: basis.motion(coefficients),
             counts: effort.counts(basis, coefficients),
         };
-        let load = motion.load(limits);
+        let load = motion.load(limits, edges);
         if load > least {
             motion.blend(0.0, load.recip(), last);
         }
@@ -80,15 +112,24 @@ impl Motion {
     }
 
     /// The largest ratio of what the motion and its fade-out ask for to what is allowed.
-    fn load(&self, limits: &MotionLimits) -> f64 {
-        let travel_m = self.plate.iter().map(|plate| plate.offset_m.norm()).fold(0.0, f64::max);
+    fn load(&self, limits: &MotionLimits, edges: &[NearEdge]) -> f64 {
+        let stroke = |plate: &PlateInstant| plate.offset_m.amax() + plate.turn_rad.abs() * limits.lever_arm_m;
+        let stroke_m = self.plate.iter().map(stroke).fold(0.0, f64::max);
+        let edge = |edge: &NearEdge| {
+            let inwards = self.plate.iter().map(|plate| {
+                let swing_m = plate.offset_m + perp(edge.place_m) * plate.turn_rad;
+                swing_m.dot(&edge.inwards)
+            });
+            inwards.fold(0.0, f64::max) / edge.room_m
+        };
+        let edges = edges.iter().map(edge).fold(0.0, f64::max);
         let counts = self.counts.iter().zip(&limits.flank).flat_map(|([f, g, c], [height, slope, curvature])| {
             (0..MOTORS).map(move |i| {
                 let fading = (1.0 - height) * f[i] - slope * g[i] - curvature * c[i];
                 (f[i] / STEADY).abs().max(fading.abs())
             })
         });
-        (travel_m / limits.travel_m).max(counts.fold(0.0, f64::max) / limits.counts)
+        (stroke_m / STROKE_M).max(edges).max(counts.fold(0.0, f64::max) / limits.counts)
     }
 
     /// The largest share of the change from `last` to this motion that the motors can play, 0 to 1.

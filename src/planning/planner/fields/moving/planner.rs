@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::aims::{Aims, MovingPart};
 use super::filter::PartFilter;
-use super::motion::{Motion, MotionLimits};
+use super::motion::{Motion, MotionLimits, NearEdge};
 use super::search::{Goal, SegmentProblem, Shot};
 use crate::cor_library::Library;
 use crate::planner::cache::Cache;
@@ -18,8 +18,6 @@ use crate::planner::{FieldPulse, PlannerParams};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Envelope, Follows};
 
-/// Largest displacement of the plate, m: what the rods of both papers' machines allow.
-const TRAVEL_M: f64 = 6e-3;
 /// Price of a coefficient: a power of its harmonic, and less for spin. The force that it takes would be its first
 /// power, but the search would then slide into motions of few low harmonics, whose smooth fields cannot carry many
 /// parts each its own way.
@@ -101,6 +99,13 @@ pub(super) struct MovingModel {
     friction: f64,
 }
 
+/// Parts with what the search needs of them.
+struct Surroundings<'a> {
+    parts: &'a [MovingPart],
+    discs: Vec<RolloutDisc>,
+    edges: Vec<NearEdge>,
+}
+
 static COMPUTED: Cache<(Arc<Library>, PlannerParams), Option<Arc<MovingModel>>> = Cache::new();
 
 impl MovingModel {
@@ -116,7 +121,7 @@ impl MovingModel {
         };
         Some(Arc::new(Self {
             effort: MotorEffort::new(&basis, &segments, params.half_side_m)?,
-            limits: MotionLimits::new(&basis, &envelope, fields.limit_counts, TRAVEL_M),
+            limits: MotionLimits::new(&basis, &envelope, fields.limit_counts, params.lever_arm_m),
             prices: (0..basis.len()).map(price).collect(),
             envelope,
             seeds: SeedLibrary::rich(&basis, params.half_side_m),
@@ -271,28 +276,42 @@ impl MovingPlanner {
         Segment { pulse: FieldPulse { wave, follows: Follows::Displacement, sustain_s }, sets_down, ends_m }
     }
 
-    fn problem<'a>(&'a self, parts: &'a [MovingPart], discs: &'a [RolloutDisc], goal: &'a Goal) -> SegmentProblem<'a> {
-        SegmentProblem { model: &self.model, params: &self.params, last: &self.present, parts, discs, goal, pool: &self.pool }
+    fn problem<'a>(&'a self, parts: &'a Surroundings<'a>, goal: &'a Goal) -> SegmentProblem<'a> {
+        let Surroundings { parts, discs, edges } = parts;
+        let (model, params, last, pool) = (&self.model, &self.params, &self.present, &self.pool);
+        SegmentProblem { model, params, last, parts, discs, edges, goal, pool }
+    }
+
+    /// The parts as the search needs them.
+    fn surroundings<'a>(&self, parts: &'a [MovingPart]) -> Surroundings<'a> {
+        // where it is at the beginning, and where it drifts in the segment
+        let places = parts.iter().flat_map(|part| [0.0, self.period_s()].map(|after_s| (part, after_s)));
+        let edges = places.flat_map(|(part, after_s)| {
+            let place_m = part.disc.position_m + part.drift_mps * after_s;
+            NearEdge::of(place_m, part.disc.radius_m, self.params.half_side_m)
+        });
+        let edges = edges.collect();
+        Surroundings { parts, discs: parts.iter().map(|part| part.disc).collect(), edges }
     }
 
     /// The motion that brings the parts' drifts nearest to what their distances ask, and their places at its end.
     fn drift(&mut self, parts: &[MovingPart], rms_m: f64) -> (Motion, Vec<Vec2>) {
-        let discs: Vec<RolloutDisc> = parts.iter().map(|part| part.disc).collect();
+        let around = self.surroundings(parts);
         let wish = self.aims.wish(parts, &self.params, rms_m, self.period_s());
-        let problem = self.problem(parts, &discs, &wish.goal);
+        let problem = self.problem(&around, &wish.goal);
         let better = |a: Shot, b: Shot| {
             let (better, other) = if b.cost < a.cost { (b, a) } else { (a, b) };
             self.pool.keep(other.rollout);
             better
         };
         let rounds = if self.is_resting { FROM_REST_ROUNDS } else { FIRST_ROUNDS };
-        let starts = self.starts(&discs, &wish.changes_mps);
+        let starts = self.starts(&around.discs, &wish.changes_mps);
         let improved = |start: &Vec<f64>, rounds: usize| problem.improved(problem.shot(start), rounds);
         let still = || problem.shot(&self.present.coefficients);
         let best = starts.iter().map(|start| improved(start, rounds)).reduce(better).unwrap_or_else(still);
         let mut best = problem.improved(best, ROUNDS);
         if wish.is_clipped && !self.is_resting && wish.left(&best.residual) > MUCH_LEFT {
-            for start in self.bank(&discs, &wish.changes_mps, BANK) {
+            for start in self.bank(&around.discs, &wish.changes_mps, BANK) {
                 let other = improved(&start, BANK_ROUNDS);
                 if other.cost < BETTER * best.cost {
                     best = better(best, other);
@@ -301,7 +320,7 @@ impl MovingPlanner {
                 }
             }
         }
-        let best = if std::env::var("noqp").is_ok() { best } else { problem.constrained(best) };
+        let best = problem.constrained(best);
         let left = wish.left(&best.residual);
         let ends_m = best.rollout.places_at(self.model.basis.steps_a_period());
         self.pool.keep(best.rollout);
@@ -329,15 +348,15 @@ impl MovingPlanner {
     /// The motion after which the parts rest at their targets, and where they do; `None` where none brings them near
     /// enough.
     fn set_down(&self, parts: &[MovingPart]) -> Option<(Motion, Vec<Vec2>)> {
-        let discs: Vec<RolloutDisc> = parts.iter().map(|part| part.disc).collect();
-        let problem = self.problem(parts, &discs, &Goal::Ends);
+        let around = self.surroundings(parts);
+        let problem = self.problem(&around, &Goal::Ends);
         let worst_m = parts.iter().map(|part| part.left_m().norm()).fold(0.0, f64::max);
         let first = if self.is_resting { self.last.as_deref() } else { Some(&*self.present) };
         let mut starts: Vec<Vec<f64>> = first.iter().map(|motion| motion.coefficients.clone()).collect();
         if worst_m < 3.0 * SET_DOWN_M {
             let ahead_s = 0.75 * self.period_s();
             let steps: Vec<Vec2> = parts.iter().map(|part| part.left_m() - part.drift_mps * ahead_s).collect();
-            starts.extend(self.bank(&discs, &steps, BANK));
+            starts.extend(self.bank(&around.discs, &steps, BANK));
         }
         let mut best: Option<(f64, Motion, Vec<Vec2>)> = None;
         for start in &starts {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
 use super::aims::{CLOSING_PER_S, MovingPart};
-use super::motion::Motion;
+use super::motion::{Motion, NearEdge};
 use super::planner::MovingModel;
 use crate::planner::PlannerParams;
 use crate::planner::fields::optimizer::{NARROWER, RAISED, REACH, RolloutPool, WIDER, WIDEST, damped_change};
@@ -37,6 +37,8 @@ pub(super) struct SegmentProblem<'a> {
     pub last: &'a Motion,
     pub parts: &'a [MovingPart],
     pub discs: &'a [RolloutDisc],
+    /// Parts beside the edge.
+    pub edges: &'a [NearEdge],
     pub goal: &'a Goal,
     pub pool: &'a RolloutPool,
 }
@@ -93,12 +95,12 @@ impl SegmentProblem<'_> {
 
     /// The motion `coefficients` as strong as it can be, and its effect.
     pub fn shot(&self, coefficients: &[f64]) -> Shot {
-        self.effect(Motion::strongest(self.model, coefficients, self.last))
+        self.effect(Motion::strongest(self.model, self.edges, coefficients, self.last))
     }
 
     /// The motion `coefficients`, weakened where it is too strong, and its effect.
     pub fn within_limits(&self, coefficients: &[f64]) -> Shot {
-        self.effect(Motion::within_limits(self.model, coefficients, self.last))
+        self.effect(Motion::within_limits(self.model, self.edges, coefficients, self.last))
     }
 
     fn effect(&self, motion: Motion) -> Shot {
