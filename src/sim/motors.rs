@@ -112,6 +112,7 @@ impl Motors {
 
     /// Advances one step and returns the wrench at its end. A step uses the generator's sample that is held at the
     /// step's middle, which is exact when steps divide samples.
+    #[inline(always)]
     pub fn step(&mut self) -> Wrench {
         self.hold_sample();
         for (filtered, counts) in self.filtered.iter_mut().zip(self.held_counts) {
@@ -126,6 +127,7 @@ impl Motors {
         self.wrench()
     }
 
+    #[inline(always)]
     fn hold_sample(&mut self) {
         let Some(drive) = &self.drive else { return };
         let sample = ((self.steps as f64 + 0.5) * self.step_s * self.params.sample_hz) as u64;
