@@ -85,7 +85,7 @@ impl DiscFriction {
             place[i] = (root + 1.0) * CELLS as f64;
         }
         for i in 0..N {
-            let cell = (place[i] as usize).min(2 * CELLS - 1);
+            let cell = (place[i] as u32 as usize).min(2 * CELLS - 1);
             let along = place[i] - cell as f64;
             let ([f0, t0], [f1, t1]) = (self.nodes[cell], self.nodes[cell + 1]);
             reduced[i] = [f0 + along * (f1 - f0), t0 + along * (t1 - t0)];

@@ -81,6 +81,7 @@ impl Accelerometers {
 
     /// Takes the samples due between `from_s` and `to_s` after the pulse's start, when the plate moved as `from` and
     /// `to`; acceleration is interpolated linearly between the two instants.
+    #[inline(always)]
     pub fn observe(&mut self, from_s: f64, from: &PlateMotion, to_s: f64, to: &PlateMotion) {
         const ROUNDING: f64 = 1e-9;
         while self.pending > 0 {
@@ -94,6 +95,7 @@ impl Accelerometers {
         }
     }
 
+    #[inline(always)]
     fn sample(&mut self, from: &PlateMotion, to: &PlateMotion, along: f64) {
         let place = self.params.position_m;
         let felt = [place, -place].map(|p| from.proper_acceleration_at(p).lerp(&to.proper_acceleration_at(p), along));

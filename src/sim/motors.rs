@@ -184,6 +184,7 @@ impl Motors {
 
     /// Advances one step and returns the wrench at its end. A step uses the generator's sample that is held at the
     /// step's middle, which is exact when steps divide samples.
+    #[inline(always)]
     pub fn step(&mut self) -> Wrench {
         self.hold_sample();
         for (filtered, counts) in self.filtered.iter_mut().zip(self.held_counts) {
@@ -198,6 +199,7 @@ impl Motors {
         self.wrench()
     }
 
+    #[inline(always)]
     fn hold_sample(&mut self) {
         if self.drive.is_none() {
             return;

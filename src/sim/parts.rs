@@ -6,8 +6,6 @@
 
 mod body;
 
-use multiversion::multiversion;
-
 use super::collision::Contacts;
 use super::faults::{Oil, PlantFaults};
 use super::plate::{PlateMotion, Wrench};
@@ -31,17 +29,6 @@ fn friction_factor(faults: &PlantFaults, part: usize, arm_m: Vec2) -> f64 {
     let own = faults.friction.get(part).copied().unwrap_or(1.0);
     let is_in = |oil: &Oil| (arm_m - oil.center_m).norm_squared() < oil.radius_m * oil.radius_m;
     own * faults.oil.filter(is_in).map_or(1.0, |oil| oil.friction)
-}
-
-/// [`DiscFriction::remaining_slip_fractions`] of a group of parts.
-#[multiversion(targets("x86_64+avx2"))]
-fn remaining_slip_fractions(
-    friction: &DiscFriction,
-    slide_mps: [f64; LANES],
-    rim_mps: [f64; LANES],
-    reach_mps: [f64; LANES],
-) -> [[f64; 2]; LANES] {
-    friction.remaining_slip_fractions_of(slide_mps, rim_mps, reach_mps)
 }
 
 /// All parts of one plate.
@@ -73,6 +60,7 @@ impl Parts {
 
     /// Advances one step over a plate that moves as `plate` at the middle of the step. Returns the wrench of the parts'
     /// friction on the plate, about the plate's centre.
+    #[inline(always)]
     pub fn step(&mut self, plate: &PlateMotion) -> Wrench {
         let (center, tilt) = (plate.plate_in_table.position_m, plate.plate_in_table.heading_rad);
         let (mut impulse, mut turn, mut liveliest) = (Vec2::zeros(), 0.0, 0.0f64);
@@ -81,20 +69,20 @@ impl Parts {
         for (group, bodies) in bodies.chunks_mut(LANES).enumerate() {
             let (mut arms, mut slips) = ([Vec2::zeros(); LANES], [(Vec2::zeros(), 0.0); LANES]);
             // nothing holds a lane without a part
-            let (mut slide2, mut rim_mps, mut reach_mps) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            let (mut slide_mps, mut rim_mps, mut reach_mps) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
             for (i, body) in bodies.iter_mut().enumerate().filter(|(_, body)| body.motion.on_plate) {
                 arms[i] = body.motion.part_in_table.position_m - center;
                 reach_mps[i] = body.reach_mps * friction_factor(faults, LANES * group + i, arms[i]);
                 body.motion.velocity_mps += pull_mps;
                 slips[i] = body.slip(plate.twist.velocity_at(arms[i]), plate.twist.spin_radps);
-                (slide2[i], rim_mps[i]) = (slips[i].0.norm_squared(), body.radius_m * slips[i].1.abs());
+                (slide_mps[i], rim_mps[i]) = (slips[i].0.norm_squared().sqrt(), body.radius_m * slips[i].1.abs());
             }
-            let (slide_mps, friction) = (slide2.map(f64::sqrt), self.friction);
+            let friction = self.friction;
             let kept = if bodies.len() < WORTH_LANES {
                 let alone = |i: usize| friction.remaining_slip_fractions(slide_mps[i], rim_mps[i], reach_mps[i]);
                 std::array::from_fn(|i| if i < bodies.len() { alone(i) } else { [0.0; 2] })
             } else {
-                remaining_slip_fractions(friction, slide_mps, rim_mps, reach_mps)
+                friction.remaining_slip_fractions_of(slide_mps, rim_mps, reach_mps)
             };
             for (i, body) in bodies.iter_mut().enumerate().filter(|(_, body)| body.motion.on_plate) {
                 let (sped, spun) = (slips[i].0 * (kept[i][0] - 1.0), slips[i].1 * (kept[i][1] - 1.0));

@@ -1,5 +1,7 @@
 //! Everything that moves, stepped together: motors, plate, parts, accelerometers. The camera is separate.
 
+use multiversion::multiversion;
+
 use super::accelerometers::Accelerometers;
 use super::faults::PlantFaults;
 use super::interlock_port::InterlockPort;
@@ -102,19 +104,7 @@ impl Plant {
 
     /// Advances one step.
     pub fn step(&mut self) {
-        self.plate.step(self.motors.step() + self.reaction);
-        if let Some((from_s, envelope)) = self.motors.taken_over() {
-            self.accelerometers.take_over(from_s, &envelope);
-        }
-        let before = std::mem::replace(&mut self.motion, self.plate.motion());
-        self.reaction = self.parts.step(&before.midway(&self.motion));
-        let from_s = self.pulse_steps as f64 * self.step_s;
-        self.accelerometers.observe(from_s, &before, from_s + self.step_s, &self.motion);
-        self.pulse_steps += 1;
-        self.now_ns += self.step_ns;
-        if self.motors.is_forceless() && self.barely_moves() {
-            self.settle();
-        }
+        step(self);
     }
 
     /// The plate's present motion.
@@ -166,6 +156,24 @@ impl Plant {
         self.motion = PlateMotion::default();
         self.reaction = Wrench::default();
         self.still = true;
+    }
+}
+
+/// [`Plant::step`].
+#[multiversion(targets("x86_64+avx2"))]
+fn step(plant: &mut Plant) {
+    plant.plate.step(plant.motors.step() + plant.reaction);
+    if let Some((from_s, envelope)) = plant.motors.taken_over() {
+        plant.accelerometers.take_over(from_s, &envelope);
+    }
+    let before = std::mem::replace(&mut plant.motion, plant.plate.motion());
+    plant.reaction = plant.parts.step(&before.midway(&plant.motion));
+    let from_s = plant.pulse_steps as f64 * plant.step_s;
+    plant.accelerometers.observe(from_s, &before, from_s + plant.step_s, &plant.motion);
+    plant.pulse_steps += 1;
+    plant.now_ns += plant.step_ns;
+    if plant.motors.is_forceless() && plant.barely_moves() {
+        plant.settle();
     }
 }
 

@@ -1,5 +1,5 @@
 use std::collections::VecDeque;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use parking_lot::Mutex;
 
@@ -8,39 +8,37 @@ const CAPACITY: usize = 4;
 
 /// The values used last, newest first, each with everything that it depends on. Many runs in one process have few
 /// rigs, and what is computed of a rig takes as long as several control cycles.
-pub(super) struct Cache<K, V>(Mutex<VecDeque<(K, Arc<V>)>>);
+pub(super) struct Cache<K, V>(Mutex<VecDeque<(K, Place<V>)>>);
 
-impl<K: PartialEq, V> Cache<K, V> {
+/// A value, once it is computed.
+type Place<V> = Arc<OnceLock<Arc<V>>>;
+
+impl<K: Clone + PartialEq, V> Cache<K, V> {
     pub const fn new() -> Self {
         Self(Mutex::new(VecDeque::new()))
     }
 
-    /// The value of `key`. Two threads that ask for the same new value at once both compute it, so that no thread
-    /// waits for a value that it does not need.
+    /// The value of `key`. A thread that asks for it while another computes it waits, but for no other value.
     pub fn get(&self, key: K, compute: impl FnOnce(&K) -> V) -> Arc<V> {
-        if let Some(value) = find(&mut self.0.lock(), &key) {
-            return value;
-        }
-        let value = Arc::new(compute(&key));
-        let mut values = self.0.lock();
-        if let Some(other) = find(&mut values, &key) {
-            return other;
-        }
-        values.push_front((key, Arc::clone(&value)));
-        values.truncate(CAPACITY);
-        value
+        let place = self.place(&key);
+        Arc::clone(place.get_or_init(|| Arc::new(compute(&key))))
     }
-}
 
-/// The value of `key`, now the newest.
-fn find<K: PartialEq, V>(values: &mut VecDeque<(K, Arc<V>)>, key: &K) -> Option<Arc<V>> {
-    let at = values.iter().position(|(of, _)| of == key)?;
-    values.make_contiguous()[..=at].rotate_right(1);
-    values.front().map(|(_, value)| Arc::clone(value))
+    /// The place of `key`, now the newest.
+    fn place(&self, key: &K) -> Place<V> {
+        let mut values = self.0.lock();
+        let known = values.iter().position(|(of, _)| of == key).and_then(|at| values.remove(at));
+        let (_, place) = values.push_front_mut(known.unwrap_or_else(|| (key.clone(), Place::default())));
+        let place = Arc::clone(place);
+        values.truncate(CAPACITY);
+        place
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
     use super::*;
 
     #[test]
@@ -54,13 +52,17 @@ mod tests {
     }
 
     #[test]
-    fn value_that_several_threads_computed_at_once_has_one_place() {
+    fn value_that_several_threads_ask_for_at_once_is_computed_once() {
         let (cache, barrier) = (Cache::new(), std::sync::Barrier::new(CAPACITY));
+        let computed = AtomicUsize::new(0);
         std::thread::scope(|scope| {
             for _ in 0..CAPACITY {
-                scope.spawn(|| cache.get(1, |_| barrier.wait().is_leader()));
+                scope.spawn(|| {
+                    barrier.wait();
+                    cache.get(1, |_| computed.fetch_add(1, Ordering::Relaxed))
+                });
             }
         });
-        assert_eq!(cache.0.lock().len(), 1);
+        assert_eq!(computed.into_inner(), 1);
     }
 }
