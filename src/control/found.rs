@@ -70,9 +70,7 @@ pub(super) fn no_plan_reason<'a>(status: &PlanStatus, method: PlanningMethod, id
         (
             PlanStatus::Infeasible(Limit::Unreachable),
             PlanningMethod::SynthesizedField | PlanningMethod::MovingField,
-        ) => {
-            "no motion was found that brings the parts closer to their places".into()
-        }
+        ) => "no motion was found that brings the parts closer to their places".into(),
         (PlanStatus::Infeasible(Limit::Unreachable), PlanningMethod::CorSequence | PlanningMethod::PseudoInverse) => {
             "no motion of the library moves every part that should move".into()
         }

@@ -5,6 +5,7 @@
 mod accelerometers;
 mod camera;
 mod collision;
+mod drive_sequence;
 pub mod faults;
 mod interlock_port;
 mod motors;

@@ -4,6 +4,7 @@
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use super::MotorParams;
+use super::drive_sequence::DriveSequence;
 use super::faults::CoilFaults;
 use super::oscillator::{ModeState, Oscillator};
 use super::plate::Wrench;
@@ -16,39 +17,13 @@ pub(crate) struct Motors {
     step_s: f64,
     low_pass: LowPass,
     filtered: [ModeState; MOTORS],
-    drive: Option<PlayedDrive>,
-    /// The pulse that decays while `drive` rises.
-    fading: Option<PlayedDrive>,
-    /// The pulse that takes over next.
-    next: Option<PlayedDrive>,
-    took_over: bool,
+    drives: DriveSequence,
     steps: u64,
     held_sample: Option<u64>,
     held_counts: [f64; MOTORS],
     faults: CoilFaults,
     /// Coils whose amplifier has an additional low-pass.
     slow: [Option<(LowPass, ModeState)>; MOTORS],
-}
-
-/// A pulse, and its start after that of the first one of a sequence without pauses, s.
-#[derive(Clone, Debug)]
-struct PlayedDrive {
-    drive: Drive,
-    start_s: f64,
-}
-
-impl PlayedDrive {
-    /// Whole counts at `t_s`, before limiting.
-    fn counts_at(&self, t_s: f64) -> [f64; MOTORS] {
-        self.drive.counts_at(t_s - self.start_s)
-    }
-
-    /// The same pulse that decays from `from_s` on.
-    fn decaying_from(mut self, from_s: f64) -> Self {
-        let envelope = &mut self.drive.envelope;
-        envelope.sustain_s = (from_s - self.start_s - envelope.attack_s).max(0.0);
-        self
-    }
 }
 
 /// A second-order Butterworth filter.
@@ -83,10 +58,7 @@ impl Motors {
             step_s,
             low_pass: LowPass::new(params.low_pass_hz, step_s),
             filtered: [ModeState::default(); MOTORS],
-            drive: None,
-            fading: None,
-            next: None,
-            took_over: false,
+            drives: DriveSequence::default(),
             steps: 0,
             held_sample: None,
             held_counts: [0.0; MOTORS],
@@ -105,7 +77,7 @@ impl Motors {
                 *slow = corner_hz.is_finite().then(slow_coil);
             }
         }
-        if self.drive.is_none() {
+        if self.drives.is_over() {
             // without a drive the amplifiers receive zero, so a freed coil returns to it; under a drive the next sample
             // sets it
             let freed = was_stuck.iter().zip(faults.stuck).map(|(was, is)| *was && !is);
@@ -115,57 +87,36 @@ impl Motors {
 
     /// Starts `drive` now, replacing any other.
     pub fn start(&mut self, drive: Drive) {
-        self.drive = Some(PlayedDrive { drive, start_s: 0.0 });
-        (self.fading, self.next) = (None, None);
+        self.drives = DriveSequence::start(drive);
         self.steps = 0;
         self.held_sample = None;
     }
 
-    /// Lets `drive` take over at the end of the present pulse's attack or, where that is over, of its sustain. Returns
-    /// the time until then, s; `None` where it is too late or another one takes over already.
+    /// Lets `drive` take over from the playing one; returns the time until then, s. `None` where it is too late.
     pub fn take_over(&mut self, drive: Drive) -> Option<f64> {
-        self.exchange(self.steps as f64 * self.step_s);
-        let present = self.drive.as_ref().filter(|_| self.next.is_none())?;
-        let (now_s, envelope) = (self.steps as f64 * self.step_s, present.drive.envelope);
-        let ends_s = [envelope.attack_s, envelope.attack_s + envelope.sustain_s].map(|end_s| present.start_s + end_s);
-        let start_s = ends_s.into_iter().find(|end_s| now_s <= *end_s)?;
-        self.next = Some(PlayedDrive { drive, start_s });
-        Some(start_s - now_s)
+        let now_s = self.steps as f64 * self.step_s;
+        self.drives.take_over(drive, now_s).map(|start_s| start_s - now_s)
     }
 
-    /// Largest count of any motor while `drive` takes over from the present pulse and ends, the present pulse decaying
-    /// from the end of its attack; infinite where nothing plays.
-    pub fn peak_of_take_over(&self, drive: &Drive) -> f64 {
-        let Some(present) = &self.drive else { return f64::INFINITY };
-        let start_s = present.start_s + present.drive.envelope.attack_s;
-        let (fading, rising) = (present.clone().decaying_from(start_s), PlayedDrive { drive: drive.clone(), start_s });
-        self.peak(drive, |t_s| {
-            let (fading, rising) = (fading.counts_at(start_s + t_s), rising.counts_at(start_s + t_s));
-            std::array::from_fn(|motor| fading[motor] + rising[motor])
-        })
-    }
-
-    /// Largest count of any motor in `drive`, sample by sample.
-    pub fn peak_of(&self, drive: &Drive) -> f64 {
-        self.peak(drive, |t_s| drive.counts_at(t_s))
-    }
-
-    fn peak(&self, drive: &Drive, counts_at: impl Fn(f64) -> [f64; MOTORS]) -> f64 {
-        let samples = (drive.envelope.driven_s() * self.params.sample_hz) as u64;
-        let counts = (0..samples).flat_map(|sample| counts_at(sample as f64 / self.params.sample_hz));
-        counts.fold(0.0, |peak: f64, counts| peak.max(counts.abs()))
-    }
-
-    /// Start of the pulse that took over in the last step, s after that of the first one of its sequence, and its
-    /// envelope.
+    /// Start and envelope of a drive that took over in the last step; see [`DriveSequence::taken_over`].
+    #[inline(always)]
     pub fn taken_over(&mut self) -> Option<(f64, Envelope)> {
-        let drive = self.drive.as_ref().filter(|_| std::mem::take(&mut self.took_over))?;
-        Some((drive.start_s, drive.drive.envelope))
+        self.drives.taken_over()
+    }
+
+    /// Largest count of any motor in `drive`, sample by sample: from rest, or while it takes over and ends.
+    pub fn peak_of(&self, drive: &Drive, takes_over: bool) -> f64 {
+        let samples = (drive.envelope.driven_s() * self.params.sample_hz) as u64;
+        let counts = (0..samples).flat_map(|sample| {
+            let t_s = sample as f64 / self.params.sample_hz;
+            if takes_over { self.drives.counts_of_take_over(drive, t_s) } else { drive.counts_at(t_s) }
+        });
+        counts.fold(0.0, |peak: f64, counts| peak.max(counts.abs()))
     }
 
     /// Cuts the amplifiers: no force from now on.
     pub fn stop(&mut self) {
-        (self.drive, self.fading, self.next) = (None, None, None);
+        self.drives = DriveSequence::default();
         self.held_counts = [0.0; MOTORS];
         self.filtered = [ModeState::default(); MOTORS];
         self.slow.iter_mut().flatten().for_each(|(_, filtered)| *filtered = ModeState::default());
@@ -174,7 +125,7 @@ impl Motors {
     /// True when no drive plays and the amplifiers' last current has decayed (below a thousandth of a count). A coil
     /// that a fault made slow may still push, which the controller does not know.
     pub fn is_idle(&self) -> bool {
-        self.drive.is_none() && self.filtered.iter().all(|filtered| self.low_pass.has_decayed(filtered))
+        self.drives.is_over() && self.filtered.iter().all(|filtered| self.low_pass.has_decayed(filtered))
     }
 
     /// True when idle, and slow coils have decayed, too.
@@ -201,7 +152,7 @@ impl Motors {
 
     #[inline(always)]
     fn hold_sample(&mut self) {
-        if self.drive.is_none() {
+        if self.drives.is_over() {
             return;
         }
         let sample = ((self.steps as f64 + 0.5) * self.step_s * self.params.sample_hz) as u64;
@@ -210,30 +161,13 @@ impl Motors {
         }
         self.held_sample = Some(sample);
         let t_s = sample as f64 / self.params.sample_hz;
-        self.exchange(t_s);
-        let Some(present) = self.drive.as_ref().filter(|drive| t_s < drive.start_s + drive.drive.envelope.driven_s())
-        else {
+        let Some(counts) = self.drives.counts_at(t_s) else {
             self.hold(|_| 0.0);
-            (self.drive, self.fading) = (None, None);
             return;
         };
         let limit = self.params.count_limit;
-        let mut played = present.counts_at(t_s);
-        if let Some(fading) = &self.fading {
-            played.iter_mut().zip(fading.counts_at(t_s)).for_each(|(sum, counts)| *sum += counts);
-        }
-        let played = played.map(|counts| counts.round().max(-limit).min(limit));
+        let played = counts.map(|counts| counts.round().max(-limit).min(limit));
         self.hold(|motor| played[motor]);
-    }
-
-    /// Lets the next pulse take over if it is due at `t_s`.
-    fn exchange(&mut self, t_s: f64) {
-        // plate time is in whole nanoseconds
-        if let Some(next) = self.next.take_if(|next| t_s + 1e-9 >= next.start_s) {
-            self.fading = self.drive.take().map(|last| last.decaying_from(next.start_s));
-            self.drive = Some(next);
-            self.took_over = true;
-        }
     }
 
     /// Sets each motor to its `counts` from now on; a stuck coil keeps its own.

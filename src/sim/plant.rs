@@ -72,11 +72,6 @@ impl Plant {
         self.still = false;
     }
 
-    /// Lets `drive` take over from the present pulse; returns the time until then, s. `None` where it is too late.
-    pub fn take_over(&mut self, drive: Drive) -> Option<f64> {
-        self.motors.take_over(drive)
-    }
-
     /// Sets all motors to zero now.
     pub fn stop(&mut self) {
         self.motors.stop();

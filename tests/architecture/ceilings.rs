@@ -8,17 +8,17 @@ use super::rules::Source;
 /// capability is worth it, and lowered when its crate shrinks.
 const CEILINGS: [(&str, usize); 14] = [
     ("chart", 790),
-    ("control", 3900),
-    ("core", 2520),
+    ("control", 4180),
+    ("core", 2540),
     ("fixtures", 340),
     ("lab", 6190),
     ("perception", 4820),
-    ("planning", 6430),
+    ("planning", 7660),
     ("recording", 1310),
     ("runner", 4770),
     ("scene", 870),
     ("server", 4590),
-    ("sim", 3350),
+    ("sim", 3470),
     ("upm", 4710),
     ("viewer", 1440),
 ];

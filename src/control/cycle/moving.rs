@@ -141,7 +141,9 @@ impl ControlCycle<'_, '_> {
         let wanted = self.task.next(at, &places_m);
         self.io.sink.setpoints(at, &wanted);
         let is_counted = segments.is_multiple_of(SEGMENTS_A_CYCLE);
-        if is_counted && self.planning.watch.observe(&wanted, &places_m, true) && self.params.guards.has(Finding::NoProgress)
+        if is_counted
+            && self.planning.watch.observe(&wanted, &places_m, true)
+            && self.params.guards.has(Finding::NoProgress)
         {
             let id = |part| self.params.id(part);
             return Break(self.planning.watch.ending(&wanted, &places_m, self.params.method, id));

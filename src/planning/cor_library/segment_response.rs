@@ -23,7 +23,9 @@ impl Library {
         let base_radps = 0.5 * fields.base_radps;
         let motors: Vec<_> = (1..)
             .zip(measured)
-            .map(|(k, response)| of_plate(&plate, f64::from(k) * fields.base_radps, Complex::inv).component_mul(response))
+            .map(|(k, response)| {
+                of_plate(&plate, f64::from(k) * fields.base_radps, Complex::inv).component_mul(response)
+            })
             .collect();
         let response = |k: usize| {
             if k.is_multiple_of(2) {

@@ -105,10 +105,7 @@ impl JobSpec {
         }
         check_distinguishable(&parts, &rig, faults);
         check_knocks(&rig, document.limits.plate_time_s, faults);
-        let has_fields = document.planner != PlannerChoice::SynthesizedField || rig.model.fields.is_some();
-        let found = "\"synthesized_field\" on a rig without `fields`";
-        let allowed = "auto, cor_sequence, pseudo_inverse, or a rig that has `fields`";
-        faults.require(has_fields, root.key("planner"), found, allowed);
+        check_planner(&document, &rig, &root, faults);
         let task = task::build(&document.task, &parts, &rig, document.planner, faults);
         clearance::check(&parts, &rig, faults);
         let at = root.key("faults");
@@ -266,6 +263,23 @@ fn check_knocks(rig: &RigSpec, until_s: f64, faults: &mut Diagnostics) {
     let allowed =
         format!("up to {} ({MOST_KNOCKS} knocks by the rig's simulation.knocks)", 0.5 * MOST_KNOCKS * knocks.every_s);
     faults.require(knocks.every_s >= least_s, Path::root().key("limits").key("plate_time_s"), until_s, allowed);
+}
+
+/// Checks that the planner fits the rig and the task.
+fn check_planner(document: &JobFile, rig: &RigSpec, root: &Path, faults: &mut Diagnostics) {
+    let name = match document.planner {
+        PlannerChoice::SynthesizedField => "synthesized_field",
+        PlannerChoice::MovingField => "moving_field",
+        PlannerChoice::Auto | PlannerChoice::CorSequence | PlannerChoice::PseudoInverse => return,
+    };
+    let found = format!("\"{name}\" on a rig without `fields`");
+    let allowed = "auto, cor_sequence, pseudo_inverse, or a rig that has `fields`";
+    faults.require(rig.model.fields.is_some(), root.key("planner"), found, allowed);
+    let goes_to_places = matches!(document.task, TaskSection::Arrange { .. } | TaskSection::Sort { .. });
+    let found = "\"moving_field\" for a task whose parts do not go to places";
+    let allowed = "auto, synthesized_field, or a task of type arrange or sort";
+    let is_moving = document.planner == PlannerChoice::MovingField;
+    faults.require(!is_moving || goes_to_places, root.key("planner"), found, allowed);
 }
 
 /// The groups with their kinds looked up. A kind that is unknown or larger than the plate is reported and gets an

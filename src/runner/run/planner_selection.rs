@@ -1,4 +1,4 @@
-use crate::config::{JobSpec, PlannerChoice};
+use crate::config::{JobSpec, PlannerChoice, TaskSpec};
 use upm_planning::planner::PlanningMethod;
 use upm_recording::{PlannerReport, SelectedBy};
 
@@ -41,9 +41,19 @@ impl PlannerSelection {
     /// The selection of `method` for `job`; the reason has the stable `code` and is `why` in words.
     pub(super) fn new(job: &JobSpec, method: PlanningMethod, code: &str, why: String) -> Self {
         let has_fields = job.rig.model.fields.is_some();
-        let possible = [PlanningMethod::SynthesizedField, PlanningMethod::CorSequence, PlanningMethod::PseudoInverse];
-        let is_other =
-            |other: &PlanningMethod| *other != method && (has_fields || *other != PlanningMethod::SynthesizedField);
+        let goes_to_places = matches!(job.task, TaskSpec::Arrange { .. } | TaskSpec::Sort { .. });
+        let is_possible = |method: PlanningMethod| match method {
+            PlanningMethod::MovingField => has_fields && goes_to_places,
+            PlanningMethod::SynthesizedField => has_fields,
+            PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => true,
+        };
+        let possible = [
+            PlanningMethod::MovingField,
+            PlanningMethod::SynthesizedField,
+            PlanningMethod::CorSequence,
+            PlanningMethod::PseudoInverse,
+        ];
+        let is_other = |other: &PlanningMethod| *other != method && is_possible(*other);
         let report = PlannerReport {
             name: method.code().into(),
             chosen: if job.planner == PlannerChoice::Auto { SelectedBy::Auto } else { SelectedBy::Job },

@@ -7,6 +7,7 @@
 mod aims;
 mod constrained;
 mod filter;
+mod model;
 mod motion;
 mod planner;
 mod search;

@@ -199,7 +199,10 @@ impl Rollout {
         let first = self.steps.len() - window;
         let (from_m, before_m) = (self.places_at(first), self.places_at(first - 1));
         let from = from_m.iter().zip(before_m);
-        self.last().zip(from).map(|((p, v), (p0, p1))| (p - p0) / (window as f64 * dt) + (v - (p0 - p1) / dt) * 0.5).collect()
+        self.last()
+            .zip(from)
+            .map(|((p, v), (p0, p1))| (p - p0) / (window as f64 * dt) + (v - (p0 - p1) / dt) * 0.5)
+            .collect()
     }
 
     /// Slopes, by every coefficient, of each part's drift plus `rates` times its place at the end: a column for each
@@ -305,7 +308,9 @@ impl Group {
         by_plate: &mut PlateSlopes,
     ) -> ([SimdF64; 2], [SimdF64; 2]) {
         let PlateSlopes { by_velocity: [by_x, by_y, by_spin], by_displacement } = by_plate;
-        for (state, &PlateStep { phase, height, slope, plate }) in self.states[range.clone()].iter().zip(&steps[range]).rev() {
+        for (state, &PlateStep { phase, height, slope, plate }) in
+            self.states[range.clone()].iter().zip(&steps[range]).rev()
+        {
             let spin = plate.spin_radps;
             by_speed = [by_speed[0] + by_place[0] * dt, by_speed[1] + by_place[1] * dt];
             let along = state.pull[0] * by_speed[0] + state.pull[1] * by_speed[1];

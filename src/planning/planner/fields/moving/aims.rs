@@ -1,6 +1,5 @@
 //! Where moving parts should be heading: velocities that bring all of them home at the same time and keep them apart.
 
-use super::search::Goal;
 use crate::planner::PlannerParams;
 use crate::planner::fields::rollout::RolloutDisc;
 use nalgebra::DVector;
@@ -35,6 +34,15 @@ const FALLS: f64 = 0.93;
 /// Weights of parts fall with the change of speed asked of them: this power of it, and this much of the largest added.
 const WEIGHT_POWER: f64 = -0.25;
 const WEIGHT_OFFSET: f64 = 0.2;
+
+/// What a segment should do.
+#[derive(Clone, Debug)]
+pub(super) enum Goal {
+    /// Drifts at its end: `drift + rate · place = aim` for each part.
+    Drifts { rates: Vec<f64>, aims_mps: Vec<Vec2>, weights: Vec<f64> },
+    /// Places where the parts come to rest after it has faded out.
+    Ends,
+}
 
 /// A part on the plate, moving.
 #[derive(Clone, Copy, Debug)]
@@ -117,7 +125,8 @@ impl Aims {
         }
         let mean = (weights.iter().map(|w| w * w).sum::<f64>() / weights.len() as f64).sqrt();
         weights.iter_mut().for_each(|weight| *weight /= mean);
-        wish.asked_mps = wish.changes_mps.iter().zip(&weights).map(|(c, w)| (c * *w).norm_squared()).sum::<f64>().sqrt();
+        wish.asked_mps =
+            wish.changes_mps.iter().zip(&weights).map(|(c, w)| (c * *w).norm_squared()).sum::<f64>().sqrt();
         wish.goal = Goal::Drifts { rates, aims_mps, weights };
         wish
     }

@@ -46,12 +46,7 @@ impl PartFilter {
 
     pub fn disc(&self) -> RolloutDisc {
         let [x, y, vx, vy, friction]: [f64; 5] = self.state.into();
-        RolloutDisc {
-            position_m: Vec2::new(x, y),
-            velocity_mps: Vec2::new(vx, vy),
-            radius_m: self.radius_m,
-            friction,
-        }
+        RolloutDisc { position_m: Vec2::new(x, y), velocity_mps: Vec2::new(vx, vy), radius_m: self.radius_m, friction }
     }
 
     /// Takes over the forecast place and velocity after `after_s`.

@@ -1,9 +1,9 @@
 //! A motion with its tables, as strong as motors and travel allow.
 
-use super::planner::MovingModel;
+use super::model::{MotionLimits, MovingModel};
 use crate::planner::fields::harmonic_basis::{HarmonicBasis, PlateInstant};
 use upm_core::geometry::{Vec2, perp};
-use upm_core::signal::{Envelope, MOTORS};
+use upm_core::signal::MOTORS;
 
 /// Share of the motors' limit that a steady motion fills; the rest is for the cross-fade to the next one.
 const STEADY: f64 = 0.9;
@@ -46,25 +46,6 @@ pub(super) struct Motion {
     pub plate: Vec<PlateInstant>,
     /// Counts in every phase: steady ones, and shares of the envelope's slope and curvature.
     counts: Vec<[[f64; MOTORS]; 3]>,
-}
-
-/// What motors and plate allow.
-#[derive(Clone, Debug)]
-pub(super) struct MotionLimits {
-    counts: f64,
-    lever_arm_m: f64,
-    /// Height, slope and curvature of the attack in every phase.
-    flank: Vec<[f64; 3]>,
-}
-
-impl MotionLimits {
-    pub fn new(basis: &HarmonicBasis, envelope: &Envelope, counts: f64, lever_arm_m: f64) -> Self {
-        let flank = |q: usize| {
-            let t_s = (q as f64 + 0.5) / basis.samples as f64 * envelope.attack_s;
-            [envelope.at(t_s), envelope.slope(t_s), envelope.curvature(t_s)]
-        };
-        Self { counts, lever_arm_m, flank: (0..basis.samples).map(flank).collect() }
-    }
 }
 
 impl Motion {

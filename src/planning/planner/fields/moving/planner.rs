@@ -1,28 +1,18 @@
-use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::aims::{Aims, MovingPart};
+use super::aims::{Aims, Goal, MovingPart};
 use super::filter::PartFilter;
-use super::motion::{Motion, MotionLimits, NearEdge};
-use super::search::{Goal, SegmentProblem, Shot};
+use super::model::MovingModel;
+use super::motion::{Motion, NearEdge};
+use super::search::{SegmentProblem, Shot};
 use crate::cor_library::Library;
-use crate::planner::cache::Cache;
-use crate::planner::fields::harmonic_basis::HarmonicBasis;
-use crate::planner::fields::motor_effort::MotorEffort;
 use crate::planner::fields::optimizer::RolloutPool;
 use crate::planner::fields::rollout::{Rollout, RolloutDisc};
-use crate::planner::fields::seeds::SeedLibrary;
-use crate::planner::friction::friction_of;
 use crate::planner::{FieldPulse, PlannerParams};
 use upm_core::geometry::Vec2;
-use upm_core::signal::{Envelope, Follows};
+use upm_core::signal::Follows;
 
-/// Price of a coefficient: a power of its harmonic, and less for spin. The force that it takes would be its first
-/// power, but the search would then slide into motions of few low harmonics, whose smooth fields cannot carry many
-/// parts each its own way.
-const PRICE_POWER: f64 = 0.75;
-const SPIN_PRICE: f64 = 0.7;
 /// Rounds of improvement: of each start from rest, of each other start, of the best one, of each motion of the bank.
 const FROM_REST_ROUNDS: usize = 8;
 const FIRST_ROUNDS: usize = 1;
@@ -86,19 +76,6 @@ pub struct MovingPlanner {
     pool: RolloutPool,
 }
 
-/// The tables that the planner computes of a library.
-#[derive(Debug)]
-pub(super) struct MovingModel {
-    pub basis: HarmonicBasis,
-    pub effort: MotorEffort,
-    pub limits: MotionLimits,
-    /// Price of each coefficient.
-    pub prices: Vec<f64>,
-    pub envelope: Envelope,
-    seeds: SeedLibrary,
-    friction: f64,
-}
-
 /// Parts with what the search needs of them.
 struct Surroundings<'a> {
     parts: &'a [MovingPart],
@@ -106,35 +83,10 @@ struct Surroundings<'a> {
     edges: Vec<NearEdge>,
 }
 
-static COMPUTED: Cache<(Arc<Library>, PlannerParams), Option<Arc<MovingModel>>> = Cache::new();
-
-impl MovingModel {
-    fn new((library, params): &(Arc<Library>, PlannerParams)) -> Option<Arc<Self>> {
-        let segments = Library { fields: Some(library.segment_response()?), ..Library::clone(library) };
-        let fields = segments.fields.as_ref()?;
-        let basis = HarmonicBasis::for_segments(fields.base_radps, fields.twist_from_counts.len(), params.half_side_m);
-        let period_s = TAU / fields.base_radps;
-        let envelope = Envelope { attack_s: period_s, sustain_s: period_s, rest_s: fields.rest_s };
-        let price = |j: usize| {
-            let of_axis = if j < 2 * basis.per_axis() { 1.0 } else { SPIN_PRICE };
-            of_axis * libm::pow(basis.harmonic_of(j) as f64, PRICE_POWER)
-        };
-        Some(Arc::new(Self {
-            effort: MotorEffort::new(&basis, &segments, params.half_side_m)?,
-            limits: MotionLimits::new(&basis, &envelope, fields.limit_counts, params.lever_arm_m),
-            prices: (0..basis.len()).map(price).collect(),
-            envelope,
-            seeds: SeedLibrary::rich(&basis, params.half_side_m),
-            friction: friction_of(library)?,
-            basis,
-        }))
-    }
-}
-
 impl MovingPlanner {
     /// A planner for one rig's library and parts of these radii; `None` where the library has no fields or no friction.
     pub fn new(library: &Arc<Library>, params: PlannerParams, radii_m: &[f64]) -> Option<Self> {
-        let model = Option::clone(&COMPUTED.get((Arc::clone(library), params), MovingModel::new))?;
+        let model = MovingModel::of(library, params)?;
         let rest = Arc::new(Motion::rest(&model.basis));
         Some(Self {
             params,
@@ -235,7 +187,8 @@ impl MovingPlanner {
         }
         let steps = self.model.basis.steps_a_period();
         if self.step >= steps {
-            let state = |part: &PartFilter| (part.disc().position_m, part.disc().velocity_mps, part.disc().velocity_mps);
+            let state =
+                |part: &PartFilter| (part.disc().position_m, part.disc().velocity_mps, part.disc().velocity_mps);
             return self.parts.iter().map(state).collect();
         }
         let rollout = self.rollout(self.step..steps);

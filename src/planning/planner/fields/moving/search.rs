@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::aims::{CLOSING_PER_S, MovingPart};
+use super::aims::{CLOSING_PER_S, Goal, MovingPart};
+use super::model::MovingModel;
 use super::motion::{Motion, NearEdge};
-use super::planner::MovingModel;
 use crate::planner::PlannerParams;
 use crate::planner::fields::optimizer::{NARROWER, RAISED, REACH, RolloutPool, WIDER, WIDEST, damped_change};
 use crate::planner::fields::rollout::{Rollout, RolloutDisc};
@@ -19,15 +19,6 @@ const STRICT: f64 = 1.3;
 /// Gap of a pair, and distance from the edge, from which on it needs no guard, m.
 const PAIR_M: f64 = 0.03;
 const EDGE_M: f64 = 0.02;
-
-/// What a segment should do.
-#[derive(Clone, Debug)]
-pub(super) enum Goal {
-    /// Drifts at its end: `drift + rate · place = aim` for each part.
-    Drifts { rates: Vec<f64>, aims_mps: Vec<Vec2>, weights: Vec<f64> },
-    /// Places where the parts come to rest after it has faded out.
-    Ends,
-}
 
 /// The search for one segment.
 #[derive(Clone, Copy)]

@@ -116,17 +116,19 @@ struct Outcome {
     plate_s: f64,
     off_m: f64,
     gap_m: f64,
-    set_downs: usize,
-    plan_ms: Vec<f64>,
 }
 
-fn arranged(library: &Arc<Library>, count: usize, seed: u64, limit_s: f64) -> Outcome {
+fn planner(library: &Arc<Library>, count: usize) -> MovingPlanner {
     let params = PlannerParams {
         half_side_m: HALF_SIDE_M,
         edge_margin_m: 0.0015,
         separation_m: 0.002,
         ..crate::planner::fixture::params()
     };
+    MovingPlanner::new(library, params, &vec![PENNY_M; count]).unwrap()
+}
+
+fn arranged(library: &Arc<Library>, count: usize, seed: u64, limit_s: f64) -> Outcome {
     let mut rng = Streams::new(seed).stream("moving parts");
     let (starts_m, targets_m) = (scattered(count, 2.0 * PENNY_M + 3e-3, &mut rng), scattered(count, 25.4e-3, &mut rng));
     let usual = friction_of(library).unwrap();
@@ -138,10 +140,10 @@ fn arranged(library: &Arc<Library>, count: usize, seed: u64, limit_s: f64) -> Ou
         gap_m: f64::INFINITY,
         noise: rng,
     };
-    let mut planner = MovingPlanner::new(library, params, &vec![PENNY_M; count]).unwrap();
+    let mut planner = planner(library, count);
     let period_s = planner.period_s();
     let envelope = Envelope { attack_s: period_s, sustain_s: period_s, rest_s: REST_S };
-    let mut outcome = Outcome { plate_s: 0.0, off_m: f64::INFINITY, gap_m: 0.0, set_downs: 0, plan_ms: Vec::new() };
+    let mut outcome = Outcome { plate_s: 0.0, off_m: f64::INFINITY, gap_m: 0.0 };
     while outcome.plate_s < limit_s {
         let places_m: Vec<Vec2> = world.seen_m().into_iter().flatten().collect();
         let targets = assigned(&places_m, &targets_m);
@@ -151,18 +153,13 @@ fn arranged(library: &Arc<Library>, count: usize, seed: u64, limit_s: f64) -> Ou
         }
         planner.rest(&places_m);
         let still = TwistWave { base_radps: std::f64::consts::TAU / period_s, harmonics: Vec::new() };
-        let plan = |planner: &mut MovingPlanner, plan_ms: &mut Vec<f64>| -> Segment {
-            let started = std::time::Instant::now();
-            let segment = planner.plan(&assigned(&planner.next_places_m(), &targets_m));
-            plan_ms.push(started.elapsed().as_secs_f64() * 1e3);
-            segment
-        };
-        let mut segment = plan(&mut planner, &mut outcome.plan_ms);
+        let plan = |planner: &mut MovingPlanner| planner.plan(&assigned(&planner.next_places_m(), &targets_m));
+        let mut segment = plan(&mut planner);
         let mut from = still;
         loop {
             planner.begin();
             let fade = Fade { from, to: segment.pulse.wave.clone(), envelope };
-            let next = (!segment.sets_down).then(|| plan(&mut planner, &mut outcome.plan_ms));
+            let next = (!segment.sets_down).then(|| plan(&mut planner));
             let driven_s = if segment.sets_down { envelope.driven_s() } else { period_s };
             let mut frames = 1;
             for k in 0..(driven_s / STEP_S).round() as usize {
@@ -181,7 +178,6 @@ fn arranged(library: &Arc<Library>, count: usize, seed: u64, limit_s: f64) -> Ou
         }
         (0..1000).for_each(|_| world.step((Twist::ZERO, Vec2::zeros())));
         outcome.plate_s += REST_S + FRAME_S;
-        outcome.set_downs += 1;
     }
     let targets = assigned(&world.places_m, &targets_m);
     outcome.off_m = world.places_m.iter().zip(&targets).map(|(place, t)| (place - t).norm()).fold(0.0, f64::max);
@@ -194,31 +190,60 @@ fn four_parts_arrive_without_a_pause() {
     assert!(outcome.off_m < 0.5e-3 && outcome.gap_m > 0.0, "{outcome:?}");
 }
 
-/// `moving=8,100,10` takes ten seeds of eight parts from seed 100 on.
-#[test]
-#[ignore = "a campaign: prints its table"]
-fn campaign() {
-    let asked = std::env::var("moving").unwrap_or_else(|_| "8,0,5".into());
-    let numbers: Vec<u64> = asked.split(',').map(|number| number.parse().unwrap()).collect();
-    let [count, first, seeds] = numbers[..] else { panic!("parts, first seed, seeds") };
-    let (mut times, mut plans, mut done, mut touched) = (Vec::new(), Vec::new(), 0, 0);
-    for seed in first..first + seeds {
-        let outcome = arranged(&upm_2(), count as usize, seed, 60.0);
-        let Outcome { plate_s, off_m, gap_m, set_downs, plan_ms } = outcome;
-        println!("seed {seed}: {plate_s:.2} s, {:.2} mm off, gap {:.2} mm, {set_downs} set-downs", 1e3 * off_m, 1e3 * gap_m);
-        done += u32::from(off_m < 0.5e-3);
-        touched += u32::from(gap_m < 0.0);
-        times.push(plate_s);
-        plans.extend(plan_ms);
+/// Segments of parts that go from place to place, the last one included.
+fn segments(planner: &mut MovingPlanner, targets_m: &[Vec2]) -> Vec<Segment> {
+    let mut segments = Vec::new();
+    for _ in 0..8 {
+        segments.push(planner.plan(targets_m));
+        planner.begin();
     }
-    times.sort_by(f64::total_cmp);
-    plans.sort_by(f64::total_cmp);
-    let at = |of: &[f64], share: f64| of[((of.len() - 1) as f64 * share) as usize];
-    println!(
-        "== {count} parts: {done} of {seeds}, median {:.2} s, worst {:.2} s, {touched} touched, plan {:.1} ms, p99 {:.1} ms",
-        at(&times, 0.5),
-        at(&times, 1.0),
-        at(&plans, 0.5),
-        at(&plans, 0.99)
-    );
+    segments
+}
+
+/// Every drive, its cross-fade and its end within counts, and the plate within its stroke, at other instants than those
+/// of the planner.
+#[test]
+fn every_change_of_the_motion_stays_within_coils_and_stroke() {
+    let library = upm_2();
+    let (starts_m, targets_m) =
+        ([Vec2::new(-0.09, 0.02), Vec2::new(0.05, -0.06)], [Vec2::new(0.03, 0.09), Vec2::zeros()]);
+    let mut planner = planner(&library, 2);
+    planner.rest(&starts_m);
+    let segments = segments(&mut planner, &targets_m);
+    let period_s = planner.period_s();
+    let drive = |segment: &Segment, sustain_s: f64| {
+        let pulse = &segment.pulse;
+        library.field_drive(&pulse.wave, pulse.follows, sustain_s).unwrap()
+    };
+    let limit = library.fields.as_ref().unwrap().limit_counts;
+    let (mut strongest, mut farthest_m) = (0.0f64, 0.0f64);
+    for pair in segments.windows(2) {
+        let (last, next) = (drive(&pair[0], 0.0), drive(&pair[1], period_s));
+        for k in 0..700 {
+            let t_s = period_s * f64::from(k) / 233.0;
+            let (rising, fading) = (next.counts_at(t_s), last.counts_at(period_s + t_s));
+            strongest = rising.iter().zip(fading).map(|(a, b)| (a + b).abs()).fold(strongest, f64::max);
+            let place = displacement(&pair[1].pulse.wave, t_s);
+            farthest_m = farthest_m.max(place.velocity_mps.amax() + 0.1 * place.spin_radps.abs());
+        }
+    }
+    // so few parts are carried by low harmonics, which the stroke limits
+    assert!(farthest_m > 5.5e-3 && farthest_m < 6.1e-3, "{farthest_m}");
+    assert!(strongest < 1.01 * limit, "{strongest} of {limit}");
+}
+
+#[test]
+fn parts_are_followed_to_where_they_are_by_frames_alone() {
+    let library = upm_2();
+    let mut planner = planner(&library, 1);
+    planner.rest(&[Vec2::zeros()]);
+    planner.plan(&[Vec2::new(0.05, 0.0)]);
+    planner.begin();
+    // the part stays where it was, whatever the motion should do
+    for frame in 1..40 {
+        planner.observe(0.004 * f64::from(frame), &[Some(Vec2::zeros())]);
+    }
+    assert!(planner.places_m()[0].norm() < 0.3e-3, "{:?}", planner.places_m());
+    planner.observe(0.03, &[None]);
+    assert_eq!(planner.places_m().len(), 1);
 }
