@@ -79,10 +79,6 @@ impl Rig for MadeUp<'_> {
         Ok(())
     }
 
-    fn take_over(&mut self, _: &Drive) -> Result<PlateTime, RigFault> {
-        Err(RigFault::TooLate)
-    }
-
     fn settled_at(&self) -> PlateTime {
         self.settled_at
     }
