@@ -12,7 +12,7 @@ use upm_core::job::Finding;
 pub(super) use delay::{DelayGuard, PictureLag, PlateSwing, SwingVerdict};
 pub(super) use freshness::{Freshness, StillnessGuard, UnusableFrame};
 pub(super) use limits::Limits;
-pub(super) use motion::{CoilResponses, MotionFinding, MotionGuard, PulseReading};
+pub(super) use motion::{CoilResponses, MotionFinding, MotionGuard, Sight};
 pub(super) use steps::{PulseOutcome, StepGuard, went};
 
 /// Pulses in 1,000 h: three a second, the most that a shipped rig plays.

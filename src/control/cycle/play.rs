@@ -5,14 +5,14 @@ use std::ops::ControlFlow::{Break, Continue};
 use super::ControlCycle;
 use crate::found::Found;
 use crate::gain_estimator::{ForecastDeviation, MORE};
-use crate::guards::{MotionFinding, PictureLag, PlateSwing, PulseOutcome, PulseReading, SwingVerdict, went};
+use crate::guards::{MotionFinding, PictureLag, PlateSwing, PulseOutcome, Sight, SwingVerdict, went};
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Finding, StopCause};
 use upm_core::signal::{AccelTrace, Drive, TwistWave};
-use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
+use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave, judge};
 use upm_planning::cor_library::Library;
 use upm_planning::planner::{PartState, PlannedPulse};
 
@@ -54,8 +54,7 @@ impl ControlCycle<'_, '_> {
         if let Break(ending) = followed {
             // a plate that did not move as planned explains parts at unexpected places
             let is_doubt = ending.cause == Some(StopCause::Found(Finding::PartsJumped));
-            let reading = self.reading(fit, &sensors, None);
-            let cause = if is_doubt { self.check_motion(planned, drive, &reading).break_value() } else { None };
+            let cause = if is_doubt { self.check_motion(planned, drive, fit, None).break_value() } else { None };
             return Break(cause.unwrap_or(ending));
         }
         if let Some((seen, with_more_m)) = positions.as_ref().zip(with_more_m.as_ref()) {
@@ -65,7 +64,7 @@ impl ControlCycle<'_, '_> {
         if self.perception.motors_stopped {
             return Continue(());
         }
-        self.doubt(&facts, &sensors)
+        self.doubt(&facts)
     }
 
     /// Tracks the parts until a frame shows everything at rest.
@@ -86,11 +85,11 @@ impl ControlCycle<'_, '_> {
 
     /// Compares a pulse with its plan: the plate's motion, the parts' steps, the pictures' timing. Steps are there
     /// where all parts were seen.
-    fn doubt(&mut self, facts: &PulseFacts, sensors: &AccelerometerPair) -> OrEnd {
+    fn doubt(&mut self, facts: &PulseFacts) -> OrEnd {
         let PulseFacts { planned, drive, fit, positions, .. } = facts;
         let steps = positions.as_ref();
         let went = steps.and_then(|steps| went(&steps.before_m, &steps.by_learning_m, &steps.after_m));
-        let is_as_planned = self.check_motion(planned, drive, &self.reading(fit, sensors, went))?;
+        let is_as_planned = self.check_motion(planned, drive, fit, went)?;
         self.check_picture_delay(is_as_planned)?;
         let found = steps.and_then(|s| self.steps.check(&s.before_m, &s.by_learning_m, &s.after_m));
         let Some((part, finding)) = found.filter(|(_, finding)| self.params.guards.has(*finding)) else {
@@ -103,25 +102,26 @@ impl ControlCycle<'_, '_> {
     }
 
     /// Compares the plate's motion in a pulse with its plan; true where it moved as planned.
-    fn check_motion(&mut self, planned: &PlannedPulse, drive: &Drive, reading: &PulseReading<'_>) -> OrEnd<bool> {
+    fn check_motion(
+        &mut self,
+        planned: &PlannedPulse,
+        drive: &Drive,
+        fit: &Result<PlateFit, FitFault>,
+        went: Option<PulseOutcome>,
+    ) -> OrEnd<bool> {
         let expected = self.coil_responses.expected(planned, drive);
-        let found = expected.and_then(|expected| self.motion.check(&expected, reading));
+        let judged = expected.map(|expected| judge(&expected, fit.as_ref(), &self.sensors()));
+        let sight = self.sight(went);
+        let found = judged.and_then(|judged| self.motion.check(&judged, sight));
         self.report(found)
     }
 
-    /// Readings of accelerometers and camera for one pulse.
-    pub(super) fn reading<'a>(
-        &self,
-        fit: &'a Result<PlateFit, FitFault>,
-        sensors: &'a AccelerometerPair,
-        went: Option<PulseOutcome>,
-    ) -> PulseReading<'a> {
-        let (went, swing) = if self.perception.relocated {
-            (None, SwingVerdict::Unclear)
-        } else {
-            (went, self.perception.delay.swing_seen())
-        };
-        PulseReading { fit, sensors, went, swing }
+    /// What the camera saw of a pulse in which most parts went this way.
+    pub(super) fn sight(&self, went: Option<PulseOutcome>) -> Sight {
+        if self.perception.relocated {
+            return (None, SwingVerdict::Unclear);
+        }
+        (went, self.perception.delay.swing_seen())
     }
 
     /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved about as planned.

@@ -10,7 +10,7 @@ use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, flow, is_stopped};
 use upm_core::job::Finding;
 use upm_core::signal::Follows;
-use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave};
+use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave, judge};
 use upm_planning::planner::{FieldPulse, PlannedPulse};
 
 /// Largest number of probes in a row until one is tracked to its end.
@@ -68,8 +68,8 @@ impl ControlCycle<'_, '_> {
     }
 
     fn read_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Option<MotionFinding> {
-        let sensors = self.sensors();
-        self.motion.check(expected, &self.reading(fit, &sensors, None))
+        let judged = judge(expected, fit.as_ref(), &self.sensors());
+        self.motion.check(&judged, self.sight(None))
     }
 
     fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> OrEnd {
