@@ -32,11 +32,11 @@ struct Active {
 }
 
 impl Active {
-    /// True for a finding of the camera that has ended; while it holds, every frame notes it.
-    fn is_back_in_sight(&self, at: PlateTime) -> bool {
+    /// True for a finding that has not held for a while; a finding of the camera is noted in every frame while it holds.
+    fn is_over(&self, at: PlateTime, cycle: u64) -> bool {
         let finding = self.found.finding;
         let is_of_sight = finding.effect() == Effect::Waits && finding != Finding::TableMissing;
-        is_of_sight && at - self.last_at > QUIET_S
+        self.last_cycle + QUIET_CYCLES <= cycle || is_of_sight && at - self.last_at > QUIET_S
     }
 }
 
@@ -85,20 +85,20 @@ impl Findings {
 
     /// Ends the present cycle. Reports to `sink` the findings that have not held for a while as ended.
     pub fn end_cycle(&mut self, at: PlateTime, sink: &mut dyn Sink) {
-        let cycle = self.cycle;
-        let is_over = |active: &Active| active.last_cycle + QUIET_CYCLES <= cycle || active.is_back_in_sight(at);
-        self.end(at, "no longer", sink, is_over);
+        self.end(at, "no longer", sink, Active::is_over);
         self.cycle += 1;
     }
 
     /// Ends the run. Reports to `sink` every finding that held until now as ended.
     pub fn end_run(&mut self, at: PlateTime, sink: &mut dyn Sink) {
-        self.end(at, "no longer", sink, |active| active.is_back_in_sight(at));
-        self.end(at, "until the end", sink, |_| true);
+        self.end(at, "no longer", sink, Active::is_over);
+        self.end(at, "until the end", sink, |_, _, _| true);
     }
 
-    fn end(&mut self, at: PlateTime, until: &str, sink: &mut dyn Sink, is_over: impl Fn(&Active) -> bool) {
-        for Active { found, reason, began_at, last_at, times, .. } in self.active.extract_if(.., |a| is_over(a)) {
+    fn end(&mut self, at: PlateTime, until: &str, sink: &mut dyn Sink, is_over: fn(&Active, PlateTime, u64) -> bool) {
+        let cycle = self.cycle;
+        for active in self.active.extract_if(.., |active| is_over(active, at, cycle)) {
+            let Active { found, reason, began_at, last_at, times, .. } = active;
             let lasted_s = last_at - began_at;
             let cycles = if times == 1 { "cycle" } else { "cycles" };
             let text = format!("{until}: {reason} (in {times} {cycles} over {lasted_s:.1} s)");

@@ -3,7 +3,6 @@
 
 mod delay;
 mod freshness;
-mod limits;
 mod motion;
 mod steps;
 
@@ -11,14 +10,35 @@ use upm_core::job::Finding;
 
 pub(super) use delay::{DelayGuard, PictureLag, PlateSwing, SwingVerdict};
 pub(super) use freshness::{Freshness, StillnessGuard, UnusableFrame};
-pub(super) use limits::Limits;
-pub(super) use motion::{CoilResponses, MotionFinding, MotionGuard, Sight};
+pub(super) use motion::{MotionFinding, MotionGuard, Sight};
 pub(super) use steps::{PulseOutcome, StepGuard, went};
 
 /// Pulses in 1,000 h: three a second, the most that a shipped rig plays.
 const PULSES_PER_1000_H: f64 = 3.0 * 3.6e6;
 /// Guards that rest on chance and share the accepted false alarms: motion, late pictures, steps.
 const BY_CHANCE: f64 = 3.0;
+
+/// Evidence of healthy pulses has an exponential tail: `once + per_nat n` is exceeded in one pulse of `e^n`. These are
+/// of `tools/faults.py healthy --first 20000 --seeds 360`: deviations of a motion from its plan, in tolerances, and
+/// logarithms of a likelihood ratio that pictures are late. Errors of the model that repeat make those 2.7 times as
+/// wide as chance would.
+const MOTION: (f64, f64) = (0.143, 0.0644);
+const LATE: (f64, f64) = (-12.97, 2.70);
+/// Largest share of steps of parts that miss their forecast: one did of those compared, 4.74 is its bound at 95 %.
+const MISSED: f64 = 4.74 / 80_766.0;
+/// Least number of missed steps in a row: one wrong observation spoils two.
+const LEAST_IN_A_ROW: u32 = 3;
+
+/// Limits of the guards that rest on chance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Limits {
+    /// Deviation of a motion from its plan, in tolerances.
+    pub motion: f64,
+    /// Logarithm of a likelihood ratio: pictures that are late over pictures in time.
+    pub late: f64,
+    /// Steps of one part in a row that miss their forecast.
+    pub steps: u32,
+}
 
 /// The active guards, and how certain they must be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +63,24 @@ impl Guards {
 
     /// Limits of the guards that rest on chance, for this number of parts.
     pub(super) fn limits(&self, parts: usize) -> Limits {
-        let pulses_per_alarm = PULSES_PER_1000_H * BY_CHANCE / self.false_alarms_per_1000_h;
-        Limits::new(libm::log(pulses_per_alarm), parts)
+        let nats = libm::log(PULSES_PER_1000_H * BY_CHANCE / self.false_alarms_per_1000_h);
+        let steps = (nats + libm::log(parts.max(1) as f64)) / -libm::log(MISSED);
+        let [motion, late] = [MOTION, LATE].map(|(once, per_nat)| once + per_nat * nats);
+        Limits { motion, late, steps: (steps.ceil() as u32).max(LEAST_IN_A_ROW) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_false_alarms_give_lower_limits() {
+        let limits = |rate| Guards { false_alarms_per_1000_h: rate, without: None }.limits(8);
+        let [often, once, hardly] = [1000.0, 1.0, 0.001].map(limits);
+        assert!(often.motion < once.motion && once.motion < hardly.motion, "{often:?} {once:?} {hardly:?}");
+        assert!((once.late - often.late - LATE.1 * 1000f64.ln()).abs() < 1e-9, "{often:?} {once:?}");
+        let steps = [1e7, 1.0, 1e-10].map(|rate| limits(rate).steps);
+        assert!(steps[0] == LEAST_IN_A_ROW && steps.is_sorted() && steps[2] > LEAST_IN_A_ROW, "{steps:?}");
     }
 }

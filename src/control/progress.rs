@@ -1,6 +1,6 @@
 //! Net progress of a run: a run whose pulses bring no part nearer ends instead of going on to its time limit.
 
-use super::found::no_plan_reason;
+use super::found::finding_of_plan;
 use super::run_end::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
@@ -162,8 +162,8 @@ impl ProgressWatch {
         let cycles = if self.futile >= FUTILE_CYCLES { self.futile } else { self.detour };
         let percent = 100.0 * SHARE;
         let blocking_part = self.blocking_part_description(wanted, seen_m, id);
-        let limit = self.limit.map(|limit| no_plan_reason(&PlanStatus::Infeasible(limit), method, id));
-        let limit = limit.map(|limit| format!("; plans were cut short because {limit}")).unwrap_or_default();
+        let limit = self.limit.and_then(|limit| finding_of_plan(&PlanStatus::Infeasible(limit), method, id));
+        let limit = limit.map(|(_, why)| format!("; plans were cut short because {why}")).unwrap_or_default();
         let reason = format!("no progress: less than {percent:.0} % nearer in {cycles} plans; {blocking_part}{limit}");
         RunEnd::failed_because(Finding::NoProgress, reason)
     }

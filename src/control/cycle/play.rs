@@ -11,9 +11,9 @@ use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Finding, StopCause};
-use upm_core::signal::{AccelTrace, Drive, TwistWave};
-use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave, judge};
-use upm_planning::cor_library::Library;
+use upm_core::signal::{AccelTrace, Drive};
+use upm_perception::estimation::{AccelerometerPair, ExpectedMotion, FitFault, PlateFit, fit_twist, fit_wave, judge};
+use upm_planning::cor_library::{CoilResponse, Library};
 use upm_planning::planner::{PartState, PlannedPulse};
 
 impl ControlCycle<'_, '_> {
@@ -28,8 +28,8 @@ impl ControlCycle<'_, '_> {
         let (all_seen, before_m) = (self.perception.frames_missing() == 0, self.perception.positions_m());
         let ahead = self.forecasts(&before_m, planned);
         let forecast_m = ahead.as_ref().map(|[_, learned_m, _]| learned_m.as_slice());
-        let expected = self.coil_responses.expected(planned, &drive);
-        let swing = expected.map(|expected| self.swing_of(expected.wave(), &drive));
+        let coils = planned.coils(self.library);
+        let swing = coils.as_ref().map(|coils| self.swing_of(&self.expected(&drive, coils)));
         self.perception.expect_pulse(started_at, forecast_m, swing);
         flow(self.io.rig.play(&drive))?;
         let followed = self.follow(purpose);
@@ -54,7 +54,7 @@ impl ControlCycle<'_, '_> {
         if let Break(ending) = followed {
             // a plate that did not move as planned explains parts at unexpected places
             let is_doubt = ending.cause == Some(StopCause::Found(Finding::PartsJumped));
-            let cause = if is_doubt { self.check_motion(planned, drive, fit, None).break_value() } else { None };
+            let cause = if is_doubt { self.check_motion(drive, coils.as_ref(), fit, None).break_value() } else { None };
             return Break(cause.unwrap_or(ending));
         }
         if let Some((seen, with_more_m)) = positions.as_ref().zip(with_more_m.as_ref()) {
@@ -64,7 +64,7 @@ impl ControlCycle<'_, '_> {
         if self.perception.motors_stopped {
             return Continue(());
         }
-        self.doubt(&facts)
+        self.doubt(&facts, coils.as_ref())
     }
 
     /// Tracks the parts until a frame shows everything at rest.
@@ -85,13 +85,12 @@ impl ControlCycle<'_, '_> {
 
     /// Compares a pulse with its plan: the plate's motion, the parts' steps, the pictures' timing. Steps are there
     /// where all parts were seen.
-    fn doubt(&mut self, facts: &PulseFacts) -> OrEnd {
-        let PulseFacts { planned, drive, fit, positions, .. } = facts;
-        let steps = positions.as_ref();
-        let went = steps.and_then(|steps| went(&steps.before_m, &steps.by_learning_m, &steps.after_m));
-        let is_as_planned = self.check_motion(planned, drive, fit, went)?;
+    fn doubt(&mut self, facts: &PulseFacts, coils: Option<&CoilResponse>) -> OrEnd {
+        let PulseFacts { drive, fit, positions, .. } = facts;
+        let went = positions.as_ref().and_then(went);
+        let is_as_planned = self.check_motion(drive, coils, fit, went)?;
         self.check_picture_delay(is_as_planned)?;
-        let found = steps.and_then(|s| self.steps.check(&s.before_m, &s.by_learning_m, &s.after_m));
+        let found = positions.as_ref().and_then(|positions| self.steps.check(positions, self.limits.steps));
         let Some((part, finding)) = found.filter(|(_, finding)| self.params.guards.has(*finding)) else {
             return Continue(());
         };
@@ -104,19 +103,23 @@ impl ControlCycle<'_, '_> {
     /// Compares the plate's motion in a pulse with its plan; true where it moved as planned.
     fn check_motion(
         &mut self,
-        planned: &PlannedPulse,
         drive: &Drive,
+        coils: Option<&CoilResponse>,
         fit: &Result<PlateFit, FitFault>,
         went: Option<PulseOutcome>,
     ) -> OrEnd<bool> {
-        let expected = self.coil_responses.expected(planned, drive);
-        let judged = expected.map(|expected| judge(&expected, fit.as_ref(), &self.sensors()));
+        let judged = coils.map(|coils| judge(&self.expected(drive, coils), fit.as_ref(), &self.sensors()));
         let sight = self.sight(went);
         let found = judged.and_then(|judged| self.motion.check(&judged, sight));
         self.report(found)
     }
 
-    /// What the camera saw of a pulse in which most parts went this way.
+    /// The expected motion of a pulse.
+    pub(super) fn expected<'a>(&self, drive: &'a Drive, coils: &'a CoilResponse) -> ExpectedMotion<'a> {
+        ExpectedMotion { drive, coils, load_mps2: self.load_mps2, limit: self.limits.motion }
+    }
+
+    /// A pulse as the camera saw it, in which most parts went this way.
     pub(super) fn sight(&self, went: Option<PulseOutcome>) -> Sight {
         if self.perception.relocated {
             return (None, SwingVerdict::Unclear);
@@ -159,11 +162,11 @@ impl ControlCycle<'_, '_> {
         AccelerometerPair { position_m: self.io.model.accelerometer_in_plate_m, gain: self.library.accelerometer_gain }
     }
 
-    /// Expected swing of the plate in a pulse with this velocity at full height.
-    pub(super) fn swing_of(&self, wave: TwistWave, drive: &Drive) -> PlateSwing {
+    /// Expected swing of the plate in a pulse.
+    pub(super) fn swing_of(&self, expected: &ExpectedMotion<'_>) -> PlateSwing {
         PlateSwing {
-            wave,
-            envelope: drive.envelope,
+            wave: expected.wave(),
+            envelope: expected.drive.envelope,
             half_side_m: 0.5 * self.io.model.plate_side_m,
             px_per_m: self.perception.table.mean_px_per_m(),
         }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use super::ControlCycle;
 use crate::PulseFacts;
-use crate::guards::{CoilResponses, MotionFinding};
+use crate::guards::MotionFinding;
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, flow, is_stopped};
 use upm_core::job::Finding;
@@ -21,8 +21,7 @@ impl ControlCycle<'_, '_> {
     pub(super) fn probe(&mut self) -> OrEnd {
         let Some((mut drive, coils)) = self.library.probe() else { return Continue(()) };
         drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.io.model.max_sustain_s);
-        let CoilResponses { load_mps2, limit, .. } = self.coil_responses;
-        let expected = ExpectedMotion { drive: &drive, coils: &coils, load_mps2, limit };
+        let expected = self.expected(&drive, &coils);
         for _ in 0..MOST_PROBES {
             let fit = self.play_probe(&expected)?;
             if !self.perception.invalidates_plan() {
@@ -46,7 +45,7 @@ impl ControlCycle<'_, '_> {
             sustain_s: drive.envelope.sustain_s,
         });
         let (started_at, before_m) = (self.io.rig.now(), self.perception.positions_m());
-        self.perception.expect_pulse(started_at, Some(&before_m), Some(self.swing_of(expected.wave(), drive)));
+        self.perception.expect_pulse(started_at, Some(&before_m), Some(self.swing_of(expected)));
         flow(self.io.rig.play(drive))?;
         let followed = self.follow(FramePurpose::Pulse);
         let trace = self.io.rig.trace();

@@ -1,13 +1,13 @@
+use std::collections::VecDeque;
+
 use super::delay::LATE;
 use upm_core::signal::{Frame, MeasuredPositions};
 use upm_core::time::PlateTime;
 
 /// Number of bands of a frame that are checked separately: one of them may freeze while the others go on.
 const BANDS: usize = 4;
-/// One row in this many is hashed.
+/// One row in this many is compared.
 const ROW_STEP: usize = 8;
-/// Number of hashes computed side by side.
-const LANES: usize = 4;
 /// Number of pictures remembered: a camera may repeat the same few in turn.
 const REMEMBERED: usize = 8;
 
@@ -39,17 +39,13 @@ pub struct Freshness {
     frame_s: f64,
     exposure_s: f64,
     last: Option<(u64, PlateTime)>,
-    /// For each band the hashes of its last pictures; `None` where all pixels were equal.
-    seen: [Vec<Option<u64>>; BANDS],
-    /// Bands with visible noise: they differed in the first two frames, which show the same scene, or as a whole later.
-    noisy: [bool; BANDS],
-    /// The row in the middle of each band in the last frame.
-    middle: [Vec<u8>; BANDS],
+    /// For each band its last pictures, and whether noise is visible in it: they differed in the first two frames, which
+    /// show the same scene, or as a whole later.
+    bands: [(VecDeque<Vec<u8>>, bool); BANDS],
     /// Positions in the last frame, where it had them in place of pixels.
     positions: Option<MeasuredPositions>,
     /// True once a frame has differed from the first.
     pub changed: bool,
-    frames: u64,
 }
 
 impl Freshness {
@@ -82,56 +78,28 @@ impl Freshness {
 
     fn check_picture(&mut self, frame: &Frame) -> bool {
         let mut repeated = false;
-        let rows = frame.height.div_ceil(BANDS).max(1);
-        for band in 0..BANDS {
-            let hash = hash(frame, band * rows..((band + 1) * rows).min(frame.height));
-            let seen = &mut self.seen[band];
-            if self.frames == 1 {
-                self.noisy[band] = hash.is_some() && seen.last() != Some(&hash);
+        let height = frame.height.div_ceil(BANDS).max(1);
+        for (band, (seen, is_noisy)) in self.bands.iter_mut().enumerate() {
+            let mut pixels = Vec::new();
+            for y in (band * height..((band + 1) * height).min(frame.height)).step_by(ROW_STEP) {
+                pixels.extend_from_slice(frame.row(y));
             }
-            if !self.noisy[band] {
-                // empty below the frame
-                let y = band * rows + rows / 2;
-                let middle = frame.pixels.get(y * frame.width..(y + 1) * frame.width).unwrap_or_default();
-                let before = std::mem::replace(&mut self.middle[band], middle.to_vec());
-                let differing = middle.iter().zip(&before).filter(|(pixel, before)| pixel != before).count();
+            // black or white shows no noise
+            let is_uniform = pixels.iter().all(|pixel| Some(pixel) == pixels.first());
+            if let Some(last) = seen.back().filter(|_| !*is_noisy) {
+                let differing = pixels.iter().zip(last).filter(|(pixel, before)| pixel != before).count();
                 // noise differs in most pixels, a moving plate along its sides only
-                self.noisy[band] = 2 * differing > middle.len();
+                *is_noisy = !is_uniform && differing > if seen.len() == 1 { 0 } else { pixels.len() / 2 };
+                self.changed |= differing > 0;
             }
-            self.changed |= seen.last().is_some_and(|last| *last != hash);
-            repeated |= self.frames > 1 && self.noisy[band] && hash.is_some() && seen.contains(&hash);
+            repeated |= *is_noisy && !is_uniform && seen.len() > 1 && seen.contains(&pixels);
             if seen.len() == REMEMBERED {
-                seen.remove(0);
+                seen.pop_front();
             }
-            seen.push(hash);
+            seen.push_back(pixels);
         }
-        self.frames += 1;
         repeated
     }
-}
-
-/// Hash of some of the `rows`; `None` where all their pixels are equal: black or white shows no noise.
-fn hash(frame: &Frame, rows: std::ops::Range<usize>) -> Option<u64> {
-    // lanes are independent, so that their products overlap
-    let mut lanes = [0xcbf2_9ce4_8422_2325u64; LANES];
-    let first = frame.pixels.get(rows.start * frame.width)?;
-    let mut is_uniform = true;
-    for y in rows.step_by(ROW_STEP) {
-        let row = frame.pixels.get(y * frame.width..(y + 1) * frame.width)?;
-        is_uniform = is_uniform && row.iter().all(|pixel| pixel == first);
-        let (blocks, rest) = row.as_chunks::<{ 8 * LANES }>();
-        for block in blocks {
-            for (lane, word) in lanes.iter_mut().zip(block.as_chunks::<8>().0) {
-                *lane = mixed(*lane, u64::from_le_bytes(*word));
-            }
-        }
-        lanes[0] = rest.iter().fold(lanes[0], |lane, &pixel| mixed(lane, u64::from(pixel)));
-    }
-    (!is_uniform).then(|| lanes.into_iter().fold(0, mixed))
-}
-
-fn mixed(hash: u64, word: u64) -> u64 {
-    (hash.rotate_left(5) ^ word).wrapping_mul(0x0100_0000_01b3_9e3d)
 }
 
 /// Detects a picture that freezes while the plate is swung, whether or not the camera is known to have noise.
@@ -141,7 +109,6 @@ pub struct StillnessGuard {
     frames: u32,
     /// Least and largest displacement expected in these frames, px.
     expected: (f64, f64),
-    is_still: bool,
 }
 
 impl StillnessGuard {
@@ -150,13 +117,12 @@ impl StillnessGuard {
     pub fn check(&mut self, seen: Option<f64>, expected: f64) -> bool {
         let seen = seen.filter(|px| px.is_finite());
         if seen.is_none() || seen != self.seen {
-            *self = Self { seen, frames: 0, expected: (expected, expected), is_still: false };
+            *self = Self { seen, frames: 0, expected: (expected, expected) };
             return false;
         }
         self.frames += 1;
         self.expected = (self.expected.0.min(expected), self.expected.1.max(expected));
-        self.is_still |= self.frames >= STILL_FRAMES && self.expected.1 - self.expected.0 > SWING_PX;
-        self.is_still
+        self.frames >= STILL_FRAMES && self.expected.1 - self.expected.0 > SWING_PX
     }
 }
 

@@ -2,16 +2,11 @@ use super::delay::SwingVerdict;
 use super::steps::PulseOutcome;
 use crate::found::{Found, Reason};
 use upm_core::job::{Finding, RunnerUp};
-use upm_core::signal::{CHANNEL_NAMES, Drive};
-use upm_core::units::GRAVITY_MPS2;
-use upm_perception::estimation::{BEARABLE_GAINS, ExpectedMotion, MotionJudgement, MotionVerdict};
-use upm_planning::cor_library::{CoilResponse, Library};
-use upm_planning::planner::PlannedPulse;
+use upm_core::signal::CHANNEL_NAMES;
+use upm_perception::estimation::{BEARABLE_GAINS, MotionJudgement, MotionVerdict};
 
 /// Names of the voice coils.
 const COILS: [&str; 4] = ["x1", "x2", "y1", "y2"];
-/// Largest friction of a part on the plate: of dry metal.
-const MOST_FRICTION: f64 = 0.5;
 /// Relative deviation of a motion from its plan above which the run ends.
 const FAR_OFF: f64 = 0.25;
 
@@ -24,35 +19,6 @@ pub struct MotionFinding {
     pub reason: Reason,
     /// True when no more pulses may be played.
     pub ends: bool,
-}
-
-/// The plate's responses to each coil, for both kinds of pulse.
-#[derive(Clone, Debug)]
-pub struct CoilResponses {
-    field: Option<CoilResponse>,
-    rotation: Option<CoilResponse>,
-    /// See [`ExpectedMotion::load_mps2`].
-    pub load_mps2: f64,
-    /// See [`ExpectedMotion::limit`].
-    pub limit: f64,
-}
-
-impl CoilResponses {
-    /// The responses in `library`. `parts_share` is the mass of the parts over that of the plate, and `limit` the
-    /// deviation that is a finding.
-    pub fn new(library: &Library, parts_share: f64, limit: f64) -> Self {
-        let load_mps2 = MOST_FRICTION * GRAVITY_MPS2 * parts_share;
-        Self { field: library.field_coils(), rotation: library.rotation_coils(), load_mps2, limit }
-    }
-
-    /// The expected motion of a pulse; `None` where the library does not give it.
-    pub fn expected<'a>(&'a self, planned: &PlannedPulse, drive: &'a Drive) -> Option<ExpectedMotion<'a>> {
-        let coils = match planned {
-            PlannedPulse::Field(_) => self.field.as_ref()?,
-            PlannedPulse::Rotation(_) => self.rotation.as_ref()?,
-        };
-        Some(ExpectedMotion { drive, coils, load_mps2: self.load_mps2, limit: self.limit })
-    }
 }
 
 /// A pulse as the camera saw it: how most parts moved, `None` where it could not tell, and how the plate swung.
@@ -99,7 +65,7 @@ impl MotionGuard {
             Some(PulseOutcome::There) => !is_other || shows_drive || self.misread > 0,
             // a pulse that fails half way, or with one weak coil of two, still carries parts about where they should go
             Some(PulseOutcome::About) => !is_other || shows_motion,
-            Some(PulseOutcome::Elsewhere) => !is_other && shows_drive,
+            Some(_) => !is_other && shows_drive,
             // a pulse too small for its parts to show it is judged by the plate's swing, or as the last with witnesses;
             // a channel known to be at fault hides a small motion: there is no evidence of another one
             None if is_other => self.misread >= CERTAIN || self.misread > 0 && shows_motion,
@@ -111,7 +77,7 @@ impl MotionGuard {
     fn finding(&mut self, verdict: MotionVerdict, off: f64, sight: Sight) -> Option<(Found, String, bool)> {
         let is_contradicted = self.contradicts(verdict, off, sight);
         match (verdict, sight) {
-            (MotionVerdict::Channel { .. } | MotionVerdict::Channels, _) => {
+            (MotionVerdict::Channel(..) | MotionVerdict::Channels, _) => {
                 (self.misread, self.unread) = (self.misread.max(1), CERTAIN);
             }
             (MotionVerdict::Other, _) if is_contradicted => self.misread = CERTAIN,
@@ -125,18 +91,18 @@ impl MotionGuard {
         let (name, percent) = (name_of(verdict), 100.0 * off);
         Some(match verdict {
             MotionVerdict::AsPlanned => return None,
-            MotionVerdict::Channel { channel, gain } => {
+            MotionVerdict::Channel(channel, gain) => {
                 let shows = gain.map(|gain| format!("shows {gain:.2} of the motion"));
                 let shows = shows.unwrap_or_else(|| "does not agree with the other three".to_owned());
                 let reason = format!("{name} {shows}: pulses are watched by the camera alone");
                 (Found::about(Finding::AccelerometerFault, channel), reason, false)
             }
-            MotionVerdict::Coil { coil, gain } => {
+            MotionVerdict::Coil(coil, gain) => {
                 let reason =
                     format!("the plate moved {percent:.0} % off the plan: {name} gives {gain:.2} of its force");
                 (Found::about(Finding::CoilFault, coil), reason, !BEARABLE_GAINS.contains(&gain))
             }
-            MotionVerdict::Swapped { coils: [coil, _] } => (Found::about(Finding::CoilFault, coil), name, true),
+            MotionVerdict::Swapped([coil, _]) => (Found::about(Finding::CoilFault, coil), name, true),
             MotionVerdict::Channels => {
                 let reason = "the accelerometers show what no motion of a plate shows".to_owned();
                 (Finding::AccelerometerFault.into(), reason, false)
@@ -164,9 +130,9 @@ impl MotionGuard {
 /// The coil, channel or pair of coils that a verdict is about.
 fn name_of(verdict: MotionVerdict) -> String {
     match verdict {
-        MotionVerdict::Coil { coil, .. } => format!("coil {}", COILS[coil]),
-        MotionVerdict::Channel { channel, .. } => format!("accelerometer channel {}", CHANNEL_NAMES[channel]),
-        MotionVerdict::Swapped { coils: [a, b] } => format!("coils {} and {} swapped", COILS[a], COILS[b]),
+        MotionVerdict::Coil(coil, _) => format!("coil {}", COILS[coil]),
+        MotionVerdict::Channel(channel, _) => format!("accelerometer channel {}", CHANNEL_NAMES[channel]),
+        MotionVerdict::Swapped([a, b]) => format!("coils {} and {} swapped", COILS[a], COILS[b]),
         _ => "another motion".to_owned(),
     }
 }
@@ -193,13 +159,13 @@ mod tests {
     #[test]
     fn each_verdict_is_ignored_reported_or_ends_the_run() {
         let of = |verdict, off, sight| ends([(verdict, off, sight)])[0];
-        let coil = |gain| of(Coil { coil: 0, gain }, 0.1, UNSEEN);
+        let coil = |gain| of(Coil(0, gain), 0.1, UNSEEN);
         assert_eq!(
             [of(AsPlanned, 0.01, UNSEEN), coil(0.85), coil(0.0), coil(-1.0)],
             [None, Some(false), Some(true), Some(true)]
         );
-        assert_eq!(of(Channel { channel: 2, gain: Some(0.0) }, 0.4, (Some(Elsewhere), Unclear)), Some(false));
-        assert_eq!(of(Swapped { coils: [0, 1] }, 0.9, UNSEEN), Some(true));
+        assert_eq!(of(Channel(2, Some(0.0)), 0.4, (Some(Elsewhere), Unclear)), Some(false));
+        assert_eq!(of(Swapped([0, 1]), 0.9, UNSEEN), Some(true));
         assert_eq!(of(Channels, 0.9, UNSEEN), Some(false));
         assert_eq!([None, Some(There)].map(|went| of(Other, 0.5, (went, Unclear))), [Some(true); 2]);
         assert_eq!(of(Other, 0.5, (None, AsDriven)), Some(true), "nothing was known before");
@@ -221,7 +187,7 @@ mod tests {
         assert!(then((Some(There), Otherwise)), "the camera saw another motion, too");
         assert!(!then(UNSEEN), "a small pulse is judged as the last");
         assert!(then((Some(Elsewhere), Unclear)));
-        let channel = (Channel { channel: 2, gain: Some(0.0) }, 0.4, UNSEEN);
+        let channel = (Channel(2, Some(0.0)), 0.4, UNSEEN);
         assert!(!ends_last([channel, (Other, 0.5, (None, AsDriven))]), "a second accelerometer");
         let unread = |sight| (Unreadable, 0.0, sight);
         assert!(!ends_last([channel, unread(UNSEEN)]), "the channel hides the motion");

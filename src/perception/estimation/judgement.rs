@@ -13,7 +13,7 @@ use nalgebra::{DVector, SMatrix, SVector, Vector3};
 use super::accelerometer_phasors::{Velocity, accelerometer_phasors};
 use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2, WaveFit};
 use upm_core::geometry::Vec2;
-use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic, TwistWave};
+use upm_core::signal::{CHANNELS, Drive, Harmonic, MOTORS, TwistHarmonic, TwistWave};
 
 /// Tolerance of a coefficient in standard deviations when two periods or more were read, and when a single one was: the
 /// fit's polynomial then follows the plate's resonance only in part, and healthy coefficients are up to 8 off.
@@ -87,26 +87,15 @@ pub struct MotionJudgement {
 pub enum MotionVerdict {
     /// The plate moved as planned, or was planned to move so little or briefly that it need not be readable.
     AsPlanned,
-    /// The plate moved as planned, but one accelerometer channel does not show it.
-    Channel {
-        /// Index of the channel.
-        channel: usize,
-        /// The gain with which it shows the motion: 0 where it is dead, -1 where its sign is wrong; `None` where it
-        /// shows something else, and the other three agree with the plan.
-        gain: Option<f64>,
-    },
-    /// One coil's force is not as planned.
-    Coil {
-        /// Index into [`upm_core::signal::Motor::ALL`].
-        coil: usize,
-        /// Its force over the planned one: 0 for a dead coil, -1 for a reversed one.
-        gain: f64,
-    },
-    /// Two coils are exchanged: each plays the other's signal.
-    Swapped {
-        /// Indices into [`upm_core::signal::Motor::ALL`].
-        coils: [usize; 2],
-    },
+    /// The plate moved as planned, but the accelerometer channel of this index does not show it, and the gain with which
+    /// it shows the motion: 0 where it is dead, -1 where its sign is wrong; `None` where it shows something else, and
+    /// the other three agree with the plan.
+    Channel(usize, Option<f64>),
+    /// The force of the coil at this index into [`upm_core::signal::Motor::ALL`] is not as planned, and that force over
+    /// the planned one: 0 for a dead coil, -1 for a reversed one.
+    Coil(usize, f64),
+    /// The coils at these indices are exchanged: each plays the other's signal.
+    Swapped([usize; 2]),
     /// The channels contradict each other: no rigid motion of the plate gives these readings.
     Channels,
     /// Not as planned, and no single coil, channel or pair of coils explains it.
@@ -126,7 +115,7 @@ pub fn judge(
         Ok(fit) => return PulseJudge::new(expected, fit.motion(), sensors).judgement(),
         Err(fault) => fault,
     };
-    let planned = expected.readings(expected.harmonics(), AS_PLANNED, sensors);
+    let planned = expected.readings(expected.harmonics(), sensors);
     // these two mean that this rig's traces can never be read this way, whatever the plate does
     let never = matches!(fault, FitFault::Unreadable(_) | FitFault::Undetermined { .. });
     let is_fault = !never && expected.must_be_readable(&planned);
@@ -134,16 +123,10 @@ pub fn judge(
     MotionJudgement { off: 0.0, score: None, verdict, runner_up: None }
 }
 
-/// For each coil, the one whose signal it is assumed to play, and the share of that.
-type PlayedSignals = [(usize, f64); MOTORS];
-
-/// Every coil plays its own signal.
-const AS_PLANNED: PlayedSignals = [(0, 1.0), (1, 1.0), (2, 1.0), (3, 1.0)];
-
 impl ExpectedMotion<'_> {
     /// The plate's velocity at full height, times from the start of the pulse.
     pub fn wave(&self) -> TwistWave {
-        let harmonics = self.velocity(self.harmonics(), AS_PLANNED).iter().map(TwistHarmonic::from_phasor).collect();
+        let harmonics = self.velocity(self.harmonics()).iter().map(TwistHarmonic::from_phasor).collect();
         TwistWave { base_radps: self.drive.base_radps, harmonics }
     }
 
@@ -163,18 +146,17 @@ impl ExpectedMotion<'_> {
     }
 
     /// The accelerometers' readings of [`Self::velocity`].
-    fn readings(&self, harmonics: usize, played: PlayedSignals, sensors: &AccelerometerPair) -> Readings {
-        let velocity = self.velocity(harmonics, played);
-        let phasors = accelerometer_phasors(&velocity, self.drive.base_radps, sensors.position_m);
+    fn readings(&self, harmonics: usize, sensors: &AccelerometerPair) -> Readings {
+        let phasors = accelerometer_phasors(&self.velocity(harmonics), self.drive.base_radps, sensors.position_m);
         Readings::from_iterator(COEFFICIENTS * harmonics, phasors.iter().flatten().flat_map(|a| [a.re, a.im]))
     }
 
     /// The plate's velocity in `harmonics` harmonics; those absent from drive or response are zero.
-    fn velocity(&self, harmonics: usize, played: PlayedSignals) -> Velocity {
+    fn velocity(&self, harmonics: usize) -> Velocity {
         let mut velocity = vec![Vector3::zeros(); harmonics];
-        for (answers, (of, share)) in self.coils.iter().zip(played) {
-            for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(&self.drive.motors[of]) {
-                *sum += answer.phasor() * (counts.phasor() * share);
+        for (answers, wave) in self.coils.iter().zip(&self.drive.motors) {
+            for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(wave) {
+                *sum += answer.phasor() * counts.phasor();
             }
         }
         velocity
@@ -201,7 +183,7 @@ impl<'a> PulseJudge<'a> {
     fn new(expected: &'a ExpectedMotion<'a>, read: &WaveFit, sensors: &'a AccelerometerPair) -> Self {
         let WaveFit { accel_mps2, accel_sd_mps2, channel_residual_mps2, .. } = read;
         let harmonics = accel_sd_mps2.len();
-        let planned = expected.readings(harmonics, AS_PLANNED, sensors);
+        let planned = expected.readings(harmonics, sensors);
         let read = Readings::from_fn(planned.len(), |i, _| {
             let [cos, sin] = accel_mps2[channel_of(i)].get(i / COEFFICIENTS).copied().unwrap_or_default();
             [cos, -sin][i % 2]
@@ -233,7 +215,7 @@ impl<'a> PulseJudge<'a> {
             }
             (None, true) => (MotionVerdict::AsPlanned, None),
             (Some(_), false) => (MotionVerdict::Other, None),
-            (Some(channel), true) => (MotionVerdict::Channel { channel, gain: None }, None),
+            (Some(channel), true) => (MotionVerdict::Channel(channel, None), None),
         };
         MotionJudgement { off, score: Some(score), verdict, runner_up }
     }
@@ -259,7 +241,7 @@ impl<'a> PulseJudge<'a> {
             let [own, others] = self.split(coil);
             let (score, [gain]) = self.fitted(&others, [&own])?;
             let is_plausible = is_fault(gain) && COIL_GAINS.contains(&gain);
-            is_plausible.then_some((score, MotionVerdict::Coil { coil, gain }))
+            is_plausible.then_some((score, MotionVerdict::Coil(coil, gain)))
         });
         let channels = (0..CHANNELS).filter_map(|channel| {
             let own =
@@ -270,12 +252,11 @@ impl<'a> PulseJudge<'a> {
                     },
                 );
             let (score, [gain]) = self.fitted(&(&self.planned - &own), [&own])?;
-            is_fault(gain).then_some((score, MotionVerdict::Channel { channel, gain: Some(gain) }))
+            is_fault(gain).then_some((score, MotionVerdict::Channel(channel, Some(gain))))
         });
         let swaps = pairs.map(|coils| {
-            let mut played = AS_PLANNED;
-            played.swap(coils[0], coils[1]);
-            (self.score(&self.played(played), None), MotionVerdict::Swapped { coils })
+            let swapped = self.driven(|motors| motors.swap(coils[0], coils[1]));
+            (self.score(&swapped, None), MotionVerdict::Swapped(coils))
         });
         coils.chain(channels).chain(swaps).collect()
     }
@@ -284,13 +265,13 @@ impl<'a> PulseJudge<'a> {
     /// disagree, or one coil with one gain while the other three share another, as under a sagging supply.
     fn several_faults(&self) -> MotionVerdict {
         let erratic = (0..CHANNELS)
-            .map(|channel| (self.score(&self.planned, Some(channel)), MotionVerdict::Channel { channel, gain: None }));
+            .map(|channel| (self.score(&self.planned, Some(channel)), MotionVerdict::Channel(channel, None)));
         let among_weak = (0..MOTORS).filter_map(|coil| {
             let [own, others] = self.split(coil);
             let (score, [gain, shared]) = self.fitted(&(&own * 0.0), [&own, &others])?;
             let is_plausible =
                 COIL_GAINS.contains(&gain) && BEARABLE_GAINS.contains(&shared) && is_fault(gain / shared);
-            is_plausible.then_some((score, MotionVerdict::Coil { coil, gain }))
+            is_plausible.then_some((score, MotionVerdict::Coil(coil, gain)))
         });
         let accepted = |of: &mut dyn Iterator<Item = (f64, MotionVerdict)>| {
             let best = of.min_by(|(a, _), (b, _)| a.total_cmp(b));
@@ -313,14 +294,15 @@ impl<'a> PulseJudge<'a> {
 
     /// The planned motion as the accelerometers feel it: the share of `coil`, and that of all others.
     fn split(&self, coil: usize) -> [Readings; 2] {
-        let mut played = AS_PLANNED;
-        played[coil].1 = 0.0;
-        let others = self.played(played);
+        let others = self.driven(|motors| motors[coil].clear());
         [&self.planned - &others, others]
     }
 
-    fn played(&self, played: PlayedSignals) -> Readings {
-        self.expected.readings(self.planned.len() / COEFFICIENTS, played, self.sensors)
+    /// The readings of another drive than the planned one.
+    fn driven(&self, change: impl FnOnce(&mut [Vec<Harmonic>; MOTORS])) -> Readings {
+        let mut drive = self.expected.drive.clone();
+        change(&mut drive.motors);
+        ExpectedMotion { drive: &drive, ..*self.expected }.readings(self.planned.len() / COEFFICIENTS, self.sensors)
     }
 
     /// True when noise exceeds the planned motion in every harmonic.

@@ -234,7 +234,7 @@ fn swing_back_earlier_than_planned_is_not_taken_for_pictures_of_an_earlier_pulse
     let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
     let earlier = SEEN_PX.iter().map(|px| (px, px)).cycle().take(48);
     for (seen, expected) in earlier.chain(SEEN_PX.iter().zip(&PLANNED_PX)) {
-        guard.frames.push_back(CornerDisplacement { seen: Some(*seen), expected: *expected });
+        guard.frames.push_back((Some(*seen), *expected));
     }
     guard.newest = 60;
     guard.pulses.push_back((48.5 * FRAME_S, swing(0.3, 30.0, 1.0 / 15.0, 0.05)));
