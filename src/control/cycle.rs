@@ -185,7 +185,7 @@ impl ControlCycle<'_, '_> {
         self.check_limits()?;
         if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has(Finding::NoProgress) {
             let id = |part| self.params.id(part);
-            return Break(self.planning.watch.ending(&wanted, &observed, self.params.method, id));
+            return Break(self.planning.watch.ending(&wanted, &observed, id));
         }
         let planning = self.io.clock.elapsed();
         let plan = self.plan(&observed, &wanted)?;
@@ -247,9 +247,9 @@ impl ControlCycle<'_, '_> {
         let whole = self.planning.states(observed, wanted, |step_m| self.cautious(step_m));
         let Self { planning, findings, io, params, .. } = self;
         planning.plan(self.index, wanted, &whole, |plan, is_part| {
-            let found = finding_of_plan(&plan.status, params.method, |part| params.id(part));
+            let found = finding_of_plan(&plan.status, |part| params.id(part));
             if let Some((finding, why)) = found.filter(|_| !is_part) {
-                let reason = || format!("steps are cut short or made one part at a time, because {why}");
+                let reason = format!("steps are cut short or made one part at a time, because {why}");
                 findings.note(io.rig.now(), finding, reason, io.sink);
             }
             check_stop(io.stop)
@@ -279,12 +279,14 @@ impl ControlCycle<'_, '_> {
     }
 
     fn warn(&mut self, found: impl Into<Found>, reason: impl Into<Reason>) {
-        self.findings.note(self.io.rig.now(), found, || reason, self.io.sink);
+        self.findings.note(self.io.rig.now(), found, reason, self.io.sink);
     }
 
     /// The end of the run that a finding causes.
     fn end_by(&mut self, found: impl Into<Found>, reason: impl Into<Reason>) -> RunEnd {
-        self.findings.end_by(self.io.rig.now(), found, reason, self.io.sink)
+        let (found, reason) = (found.into(), reason.into());
+        self.warn(found, reason.clone());
+        RunEnd::failed_because(found.finding, reason)
     }
 
     fn check_stop(&self) -> OrEnd {

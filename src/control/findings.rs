@@ -2,7 +2,6 @@
 //! it held.
 
 use super::found::{FindingChange, Found, Reason};
-use super::run_end::RunEnd;
 use super::{EventFacts, EventKind, EventLevel, Sink};
 use upm_core::job::{Effect, Finding};
 use upm_core::time::PlateTime;
@@ -48,39 +47,19 @@ impl Findings {
 
     /// Notes that `found` holds in the present cycle. If it has just begun, reports it to `sink` with `reason` and
     /// its remedy.
-    pub fn note<R: Into<Reason>>(
-        &mut self,
-        at: PlateTime,
-        found: impl Into<Found>,
-        reason: impl FnOnce() -> R,
-        sink: &mut dyn Sink,
-    ) {
-        let found = found.into();
+    pub fn note(&mut self, at: PlateTime, found: impl Into<Found>, reason: impl Into<Reason>, sink: &mut dyn Sink) {
+        let (found, reason) = (found.into(), reason.into());
         let cycle = self.cycle;
         match self.active.iter_mut().find(|active| active.found == found) {
             Some(active) if active.last_cycle == cycle => active.last_at = at,
             Some(active) => (active.last_at, active.last_cycle, active.times) = (at, cycle, active.times + 1),
             None => {
-                let reason: Reason = reason().into();
                 let text = format!("{reason}; {}", found.finding.check());
                 let kind = EventKind::Finding { found, change: FindingChange::Began, reason: reason.clone() };
                 sink.event(&EventFacts { at, level: EventLevel::Warning, text, kind });
                 self.active.push(Active { found, reason, began_at: at, last_at: at, last_cycle: cycle, times: 1 });
             }
         }
-    }
-
-    /// Notes `finding`, and gives the end of the run that it causes.
-    pub fn end_by(
-        &mut self,
-        at: PlateTime,
-        found: impl Into<Found>,
-        reason: impl Into<Reason>,
-        sink: &mut dyn Sink,
-    ) -> RunEnd {
-        let (found, reason) = (found.into(), reason.into());
-        self.note(at, found, || reason.clone(), sink);
-        RunEnd::failed_because(found.finding, reason)
     }
 
     /// Ends the present cycle. Reports to `sink` the findings that have not held for a while as ended.
@@ -130,7 +109,7 @@ mod tests {
         for cycle in 0..cycles {
             let at = PlateTime::from_secs(f64::from(cycle));
             for found in holds(cycle) {
-                findings.note(at, found, || format!("reason of cycle {cycle}"), &mut recorded);
+                findings.note(at, found, format!("reason of cycle {cycle}"), &mut recorded);
             }
             findings.end_cycle(at, &mut recorded);
         }
@@ -157,7 +136,7 @@ mod tests {
         let (mut findings, mut recorded) = (Findings::default(), RecordedChanges::default());
         let at = |tenths: u32| PlateTime::from_secs(0.1 * f64::from(tenths));
         for tenths in 0..=20 {
-            findings.note(at(tenths), Finding::ViewHidden, || "hidden".to_owned(), &mut recorded);
+            findings.note(at(tenths), Finding::ViewHidden, "hidden".to_owned(), &mut recorded);
         }
         findings.end_cycle(at(22), &mut recorded);
         assert_eq!(recorded.0.len(), 1, "it may come back");

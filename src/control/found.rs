@@ -1,7 +1,7 @@
 use std::fmt;
 
 use upm_core::job::{Finding, RunnerUp};
-use upm_planning::planner::{Limit, PlanStatus, PlanningMethod};
+use upm_planning::planner::{Limit, PlanStatus};
 
 /// A finding of a run that may last over many cycles, and what it is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,26 +49,18 @@ impl fmt::Display for Reason {
 
 /// The finding behind a plan without pulses, and its reason for people; `None` for a plan that can be played. `id` names
 /// a part.
-pub(super) fn finding_of_plan<'a>(
-    status: &PlanStatus,
-    method: PlanningMethod,
-    id: impl Fn(usize) -> &'a str,
-) -> Option<(Finding, String)> {
-    let limit = match status {
+pub(super) fn finding_of_plan<'a>(status: &PlanStatus, id: impl Fn(usize) -> &'a str) -> Option<(Finding, String)> {
+    Some(match status {
         PlanStatus::Solved | PlanStatus::NothingToDo => return None,
-        PlanStatus::SolverFailed(why) => return Some((Finding::SolverFails, format!("the solver gave up ({why})"))),
-        PlanStatus::Infeasible(limit) => *limit,
-    };
-    Some(match (limit, method) {
-        (Limit::Edge { part }, _) => (Finding::StepsMeetEdge, format!("{} would cross the edge margin", id(part))),
-        (Limit::Separation { parts: [a, b] }, _) => {
-            (Finding::StepsMeetParts, format!("{} and {} would come too close to each other", id(a), id(b)))
+        PlanStatus::SolverFailed(why) => (Finding::SolverFails, format!("the solver gave up ({why})")),
+        PlanStatus::Infeasible(Limit::Edge { part }) => {
+            (Finding::StepsMeetEdge, format!("{} would cross the edge margin", id(*part)))
         }
-        (Limit::Unreachable, PlanningMethod::SynthesizedField) => {
+        PlanStatus::Infeasible(Limit::Separation { parts: [a, b] }) => {
+            (Finding::StepsMeetParts, format!("{} and {} would come too close to each other", id(*a), id(*b)))
+        }
+        PlanStatus::Infeasible(Limit::Unreachable) => {
             (Finding::StepsUnreachable, "no motion was found that brings the parts closer to their places".into())
-        }
-        (Limit::Unreachable, PlanningMethod::CorSequence | PlanningMethod::PseudoInverse) => {
-            (Finding::StepsUnreachable, "no motion of the library moves every part that should move".into())
         }
     })
 }

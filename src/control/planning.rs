@@ -71,7 +71,7 @@ impl<'a> Planning<'a> {
         for (steps, is_part) in fallbacks(whole, self.planner.tries_smaller()) {
             let plan = self.planner.plan(&steps, &corridors);
             tried(&plan, is_part)?;
-            match finding_of_plan(&plan.status, self.params.method, |part| self.params.id(part)) {
+            match finding_of_plan(&plan.status, |part| self.params.id(part)) {
                 None if is_part && plan.status == PlanStatus::NothingToDo => continue,
                 None => return Continue(plan),
                 Some((_, why)) => stopped_by = why,

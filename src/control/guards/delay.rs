@@ -1,8 +1,7 @@
 use std::collections::VecDeque;
 
-use nalgebra::Complex;
+use nalgebra::{Complex, DVector, Vector3};
 
-use upm_core::geometry::{Twist, Vec2, perp};
 use upm_core::phasor::polar;
 use upm_core::signal::{Envelope, TwistWave};
 use upm_perception::estimation::BEARABLE_GAINS;
@@ -36,12 +35,12 @@ pub struct DelayGuard {
     limit: f64,
     /// Most evidence so far for any delay, or for another motion than the drive's.
     pub most: f64,
-    /// Displacement of the corners seen and expected in the last frames, px, oldest first; frames that never arrived
+    /// Displacement of the corners seen and expected in the last frames, px, newest first; frames that never arrived
     /// keep their place.
     frames: VecDeque<(Option<f64>, f64)>,
     /// Number of the newest frame.
     newest: u64,
-    /// The last two pulses with the time of their beginning, s of plate time.
+    /// The last two pulses with the time of their beginning, s of plate time, newest first.
     pulses: VecDeque<(f64, PlateSwing)>,
     /// For each delay the evidence for it, a log-likelihood ratio that does not fall below zero (CUSUM; Page,
     /// Biometrika 41, 1954). The first two entries, pictures in time, stay zero.
@@ -91,10 +90,8 @@ impl DelayGuard {
 
     /// A pulse begins at `at_s` of plate time; the plate should swing as `swing`.
     pub fn begin(&mut self, at_s: f64, swing: PlateSwing) {
-        if self.pulses.len() == 2 {
-            self.pulses.pop_front();
-        }
-        self.pulses.push_back((at_s, swing));
+        self.pulses.truncate(1);
+        self.pulses.push_front((at_s, swing));
     }
 
     /// A frame exposed at `at_s` of plate time that shows the plate's corners up to `corner_px` from their places;
@@ -103,11 +100,9 @@ impl DelayGuard {
         let number = (at_s / self.frame_s).round() as u64;
         let missed = number.saturating_sub(self.newest + 1).min(KEPT as u64);
         for before in (0..=missed).rev() {
-            if self.frames.len() == KEPT {
-                self.frames.pop_front();
-            }
+            self.frames.truncate(KEPT - 1);
             let seen = corner_px.filter(|_| before == 0).map(|px| px.min(FARTHEST_PX));
-            self.frames.push_back((seen, self.expected_px(at_s - before as f64 * self.frame_s)));
+            self.frames.push_front((seen, self.expected_px(at_s - before as f64 * self.frame_s)));
         }
         self.newest = number;
     }
@@ -119,13 +114,13 @@ impl DelayGuard {
 
     /// Expected displacement of the plate's corners at `at_s` of plate time, px.
     pub fn expected_px(&self, at_s: f64) -> f64 {
-        let pulse = self.pulses.iter().rev().find(|(begin_s, _)| *begin_s <= at_s);
+        let pulse = self.pulses.iter().find(|(begin_s, _)| *begin_s <= at_s);
         pulse.map_or(0.0, |(begin_s, swing)| swing.corner_px(at_s - begin_s))
     }
 
     /// True while the frames of the newest pulse appear late: they may show a plate at rest as still swinging.
     pub fn looks_late(&self) -> bool {
-        self.evidence()[..NEVER].iter().any(|evidence| *evidence > DOUBTFUL)
+        self.weighed().0[..NEVER].iter().any(|evidence| *evidence > DOUBTFUL)
     }
 
     /// Verdict on the planned swing in the frames since the newest pulse began.
@@ -143,13 +138,10 @@ impl DelayGuard {
 
     /// Ends a pulse. Returns the delay of the frames once it is certain.
     pub fn end(&mut self) -> Option<PictureLag> {
-        let evidence = self.evidence();
+        let (evidence, unexplained) = self.weighed();
         self.late.iter_mut().zip(evidence).for_each(|(sum, evidence)| *sum = (*sum + evidence).max(0.0));
-        let swing_px2 = self.apart_px2(NEVER);
-        if shows_height(swing_px2, self.seen().count()) {
-            let best_px2 = (LATE..NEVER).map(|delay| self.left_px2(delay)).fold(self.in_time_px2(), f64::min);
-            self.unexplained.0 += (best_px2 / swing_px2).min(1.0);
-            self.unexplained.1 += 1.0;
+        if let Some(share) = unexplained {
+            self.unexplained = (self.unexplained.0 + share, self.unexplained.1 + 1.0);
         }
         let most = self.late.iter().copied().fold(0.0, f64::max);
         self.most = self.most.max(most);
@@ -160,66 +152,48 @@ impl DelayGuard {
         Some(if shortest == NEVER || is_alike(shortest + 1) { PictureLag::Unseen } else { PictureLag::By(shortest) })
     }
 
-    /// Frames of the newest pulse: index, displacement seen and expected, px.
+    /// Frames of the newest pulse: age, displacement seen and expected, px.
     fn seen(&self) -> impl Iterator<Item = (usize, f64, f64)> {
-        let begin_s = self.pulses.back().map_or(f64::INFINITY, |(begin_s, _)| *begin_s);
-        let of_pulse = move |(i, (seen, expected)): (usize, &(Option<f64>, f64))| {
-            let age = (self.frames.len() - 1 - i) as f64;
-            ((self.newest as f64 - age) * self.frame_s >= begin_s).then_some((i, (*seen)?, *expected))
+        let begin_s = self.pulses.front().map_or(f64::INFINITY, |(begin_s, _)| *begin_s);
+        let of_pulse = move |(age, (seen, expected)): (usize, &(Option<f64>, f64))| {
+            ((self.newest as f64 - age as f64) * self.frame_s >= begin_s).then_some((age, (*seen)?, *expected))
         };
         self.frames.iter().enumerate().filter_map(of_pulse)
     }
 
     /// Evidence of the newest pulse for each delay: the log-likelihood ratio to pictures in time, of unknown variance.
-    /// Two predictions that are less apart than the pictures are from both cannot be told apart: errors of the model
-    /// are the same in every pulse of one shape.
-    fn evidence(&self) -> [f64; NEVER + 1] {
+    /// Beside it the share of the swing's squares that the best explanation leaves; `None` for a swing too small to
+    /// tell.
+    fn weighed(&self) -> ([f64; NEVER + 1], Option<f64>) {
+        let frames: Vec<usize> = self.seen().map(|(age, ..)| age).collect();
+        let seen = DVector::from_iterator(frames.len(), self.seen().map(|(_, seen, _)| seen));
+        let shown = |delay: isize| {
+            let expected = |age: usize| self.frames.get(age.checked_add_signed(delay)?).map(|(_, expected)| *expected);
+            DVector::from_iterator(frames.len(), frames.iter().map(|age| expected(*age).unwrap_or(0.0)))
+        };
+        let left_px2 = |shown: &DVector<f64>| {
+            // a weak coil changes the swing's height, not its time
+            let gain = seen.dot(shown) / shown.norm_squared().max(f64::MIN_POSITIVE);
+            (&seen - shown * gain.clamp(*BEARABLE_GAINS.start(), *BEARABLE_GAINS.end())).norm_squared()
+        };
+        // up to a frame early, as a model that lags behind the plate lets them look, or late
+        let in_time_px2 = [-1, 0, 1].iter().map(|delay| left_px2(&shown(*delay))).fold(f64::INFINITY, f64::min);
+        let late: [_; NEVER + 1] =
+            std::array::from_fn(|delay| if delay < NEVER { shown(delay as isize) } else { shown(0) * 0.0 });
         // errors of the model are alike in all frames of a pulse, and as large as earlier pulses showed them
-        let (unexplained, pulses) = self.unexplained;
-        let share = (MODEL_ERROR * MODEL_ERROR + unexplained) / (1.0 + pulses);
-        let count = self.seen().count() as f64;
-        let usual_px2 = count * NOISE_PX * NOISE_PX + share * self.apart_px2(NEVER);
-        let in_time_px2 = self.in_time_px2() + usual_px2;
-        std::array::from_fn(|delay| {
-            let late_px2 = self.left_px2(delay) + usual_px2;
-            let is_told = delay >= LATE && self.apart_px2(delay) > in_time_px2.min(late_px2);
+        let (count, swing_px2) = (frames.len() as f64, late[0].norm_squared());
+        let share = (MODEL_ERROR * MODEL_ERROR + self.unexplained.0) / (1.0 + self.unexplained.1);
+        let usual_px2 = count * NOISE_PX * NOISE_PX + share * swing_px2;
+        let left: [f64; NEVER + 1] = late.each_ref().map(left_px2);
+        let evidence = std::array::from_fn(|delay| {
+            let [in_time_px2, late_px2] = [in_time_px2, left[delay]].map(|px2| px2 + usual_px2);
+            // predictions less apart than the pictures are from both cannot be told apart: errors of the model are the
+            // same in every pulse of one shape
+            let is_told = delay >= LATE && (&late[delay] - &late[0]).norm_squared() > in_time_px2.min(late_px2);
             if is_told { 0.5 * count * libm::log(in_time_px2 / late_px2) } else { 0.0 }
-        })
-    }
-
-    /// What pictures in time leave: up to a frame early, as a model that lags behind the plate lets them look, or late.
-    fn in_time_px2(&self) -> f64 {
-        let early_px2 = self.residual_px2(|i| self.frames.get(i + 1).map_or(0.0, |(_, expected)| *expected));
-        (0..LATE).map(|delay| self.left_px2(delay)).fold(early_px2, f64::min)
-    }
-
-    /// What pictures that show the plan `delay` frames later leave.
-    fn left_px2(&self, delay: usize) -> f64 {
-        self.residual_px2(|i| self.expected(i, delay))
-    }
-
-    /// Sum of squares between pictures in time and those that show the plan `delay` frames later, px².
-    fn apart_px2(&self, delay: usize) -> f64 {
-        self.seen().map(|(i, _, expected)| (self.expected(i, delay) - expected).powi(2)).sum()
-    }
-
-    /// Displacement that frame `i` should show if pictures are `delay` frames late, px.
-    fn expected(&self, i: usize, delay: usize) -> f64 {
-        let shown = i.checked_sub(delay).filter(|_| delay < NEVER).and_then(|i| self.frames.get(i));
-        shown.map_or(0.0, |(_, expected)| *expected)
-    }
-
-    /// Sum of squares that the displacements `expected_px` leave of the newest pulse's frames, at the gain that fits
-    /// best, px².
-    fn residual_px2(&self, expected_px: impl Fn(usize) -> f64) -> f64 {
-        let [seen_sq, product, expected_sq] = self.seen().fold([0.0; 3], |[seen_sq, product, expected_sq], frame| {
-            let (seen, expected) = (frame.1, expected_px(frame.0));
-            [seen_sq + seen * seen, product + seen * expected, expected_sq + expected * expected]
         });
-        // a weak coil changes the swing's height, not its time
-        let (least, most) = (*BEARABLE_GAINS.start(), *BEARABLE_GAINS.end());
-        let gain = (product / f64::max(expected_sq, f64::MIN_POSITIVE)).clamp(least, most);
-        (seen_sq - 2.0 * gain * product + gain * gain * expected_sq).max(0.0)
+        let best_px2 = left[LATE..NEVER].iter().copied().fold(in_time_px2, f64::min);
+        (evidence, shows_height(swing_px2, frames.len()).then(|| (best_px2 / swing_px2).min(1.0)))
     }
 }
 
@@ -234,21 +208,17 @@ impl PlateSwing {
     /// wave times the envelope's height, whose integral by parts has the envelope's slope and curvature, too: on the
     /// flanks they are as large as its height.
     fn corner_px(&self, t_s: f64) -> f64 {
-        let height = self.envelope.at(t_s);
-        if height == 0.0 {
-            return 0.0;
-        }
-        let (slope, curvature) = (self.envelope.slope(t_s), self.envelope.curvature(t_s));
+        let (height, slope) = (self.envelope.at(t_s), self.envelope.slope(t_s));
+        let curvature = self.envelope.curvature(t_s);
         let displaced = (1..).zip(&self.wave.harmonics).map(|(k, harmonic)| {
             let rate = f64::from(k) * self.wave.base_radps;
             let integral = Complex::new(slope / rate, curvature / (rate * rate) - height) / rate;
             harmonic.phasor().map(|velocity| (velocity * integral * polar(1.0, rate * t_s)).re)
         });
-        let place = Twist::from_vector(displaced.sum());
-        let corners =
-            [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * self.half_side_m);
-        let displaced_m = corners.map(|corner| (place.velocity_mps + perp(corner) * place.spin_radps).norm());
-        (self.px_per_m * displaced_m.into_iter().fold(0.0, f64::max)).min(FARTHEST_PX)
+        let place: Vector3<f64> = displaced.sum();
+        let (x_m, y_m, turn_m) = (place.x.abs(), place.y.abs(), place.z.abs() * self.half_side_m);
+        // of the corner that the turn carries the way of the shift
+        (self.px_per_m * libm::hypot(x_m + turn_m, y_m + turn_m)).min(FARTHEST_PX)
     }
 }
 

@@ -69,6 +69,6 @@ impl Perception {
             return Continue(());
         }
         let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());
-        Break(self.findings.end_by(self.frame.exposed_at, Finding::PartsJumped, reason, sink))
+        Break(self.end_by(Finding::PartsJumped, reason, sink))
     }
 }

@@ -1,4 +1,5 @@
 use super::*;
+use upm_core::geometry::Twist;
 use upm_core::signal::TwistHarmonic;
 
 const FRAME_HZ: f64 = 60.0;
@@ -234,9 +235,9 @@ fn swing_back_earlier_than_planned_is_not_taken_for_pictures_of_an_earlier_pulse
     let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
     let earlier = SEEN_PX.iter().map(|px| (px, px)).cycle().take(48);
     for (seen, expected) in earlier.chain(SEEN_PX.iter().zip(&PLANNED_PX)) {
-        guard.frames.push_back((Some(*seen), *expected));
+        guard.frames.push_front((Some(*seen), *expected));
     }
     guard.newest = 60;
-    guard.pulses.push_back((48.5 * FRAME_S, swing(0.3, 30.0, 1.0 / 15.0, 0.05)));
+    guard.pulses.push_front((48.5 * FRAME_S, swing(0.3, 30.0, 1.0 / 15.0, 0.05)));
     assert_eq!(guard.end(), None);
 }
