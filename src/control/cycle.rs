@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 
 use super::findings::Findings;
 use super::found::{Found, Reason, finding_of_plan};
-use super::guards::{Limits, MotionGuard, StepGuard};
+use super::guards::{MotionGuard, StepGuard};
 use super::params::ControlParams;
 use super::perception::{FramePurpose, Perception};
 use super::planning::{Planning, STALLED_S};
@@ -113,7 +113,7 @@ struct ControlCycle<'a, 'io> {
     load_mps2: f64,
     motion: MotionGuard,
     steps: StepGuard,
-    limits: Limits,
+    limits: Evidence,
     /// Number of times the goal seemed reached and a second observation contradicted.
     unconfirmed: u32,
     /// True once a tolerable fault of a coil or an accelerometer was found: steps are shorter from then on.
@@ -146,10 +146,8 @@ impl ControlCycle<'_, '_> {
     }
 
     fn evidence(&self) -> Evidence {
-        let Limits { motion: motion_limit, late: late_limit, steps: steps_limit } = self.limits;
         let ((pulses, motion), [steps, steps_missed]) = (self.motion.read, self.steps.compared);
-        let late = self.perception.delay.most;
-        Evidence { pulses, motion, motion_limit, late, late_limit, steps, steps_missed, steps_limit }
+        Evidence { pulses, motion, late: self.perception.delay.most, steps, steps_missed, ..self.limits }
     }
 
     /// One cycle, from an observation at rest to the next, whose positions it returns.

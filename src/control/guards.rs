@@ -6,10 +6,10 @@ mod freshness;
 mod motion;
 mod steps;
 
-use upm_core::job::Finding;
+use upm_core::job::{Evidence, Finding};
 
-pub(super) use delay::{DelayGuard, PictureLag, PlateSwing, SwingVerdict};
-pub(super) use freshness::{Freshness, StillnessGuard, UnusableFrame};
+pub(super) use delay::{DelayGuard, NEVER, PlateSwing, SwingVerdict};
+pub(super) use freshness::{Freshness, UnusableFrame};
 pub(super) use motion::{MotionFinding, MotionGuard, Sight};
 pub(super) use steps::{PulseOutcome, StepGuard, went};
 
@@ -28,17 +28,6 @@ const LATE: (f64, f64) = (-12.97, 2.70);
 const MISSED: f64 = 4.74 / 80_766.0;
 /// Least number of missed steps in a row: one wrong observation spoils two.
 const LEAST_IN_A_ROW: u32 = 3;
-
-/// Limits of the guards that rest on chance.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Limits {
-    /// Deviation of a motion from its plan, in tolerances.
-    pub motion: f64,
-    /// Logarithm of a likelihood ratio: pictures that are late over pictures in time.
-    pub late: f64,
-    /// Steps of one part in a row that miss their forecast.
-    pub steps: u32,
-}
 
 /// The active guards, and how certain they must be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,12 +50,13 @@ impl Guards {
         self.without != Some(finding)
     }
 
-    /// Limits of the guards that rest on chance, for this number of parts.
-    pub(super) fn limits(&self, parts: usize) -> Limits {
+    /// Limits of the guards that rest on chance, for this number of parts, before there is evidence.
+    pub(super) fn limits(&self, parts: usize) -> Evidence {
         let nats = libm::log(PULSES_PER_1000_H * BY_CHANCE / self.false_alarms_per_1000_h);
         let steps = (nats + libm::log(parts.max(1) as f64)) / -libm::log(MISSED);
-        let [motion, late] = [MOTION, LATE].map(|(once, per_nat)| once + per_nat * nats);
-        Limits { motion, late, steps: (steps.ceil() as u32).max(LEAST_IN_A_ROW) }
+        let [motion_limit, late_limit] = [MOTION, LATE].map(|(once, per_nat)| once + per_nat * nats);
+        let steps_limit = (steps.ceil() as u32).max(LEAST_IN_A_ROW);
+        Evidence { motion_limit, late_limit, steps_limit, ..Evidence::default() }
     }
 }
 
@@ -78,9 +68,12 @@ mod tests {
     fn more_false_alarms_give_lower_limits() {
         let limits = |rate| Guards { false_alarms_per_1000_h: rate, without: None }.limits(8);
         let [often, once, hardly] = [1000.0, 1.0, 0.001].map(limits);
-        assert!(often.motion < once.motion && once.motion < hardly.motion, "{often:?} {once:?} {hardly:?}");
-        assert!((once.late - often.late - LATE.1 * 1000f64.ln()).abs() < 1e-9, "{often:?} {once:?}");
-        let steps = [1e7, 1.0, 1e-10].map(|rate| limits(rate).steps);
+        assert!(
+            often.motion_limit < once.motion_limit && once.motion_limit < hardly.motion_limit,
+            "{often:?} {once:?} {hardly:?}"
+        );
+        assert!((once.late_limit - often.late_limit - LATE.1 * 1000f64.ln()).abs() < 1e-9, "{often:?} {once:?}");
+        let steps = [1e7, 1.0, 1e-10].map(|rate| limits(rate).steps_limit);
         assert!(steps[0] == LEAST_IN_A_ROW && steps.is_sorted() && steps[2] > LEAST_IN_A_ROW, "{steps:?}");
     }
 }

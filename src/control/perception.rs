@@ -12,7 +12,7 @@ use self::naming::name_parts;
 use self::scene::SceneMonitor;
 use self::settling::{PlateInImage, SWING_S};
 use super::findings::Findings;
-use super::guards::{DelayGuard, Guards, StillnessGuard, UnusableFrame};
+use super::guards::{DelayGuard, Guards, UnusableFrame};
 use super::run_end::{OrEnd, RunEnd, flow};
 use super::{FrameFacts, LocalisedFacts, RunIo, Sink};
 use upm_core::geometry::Vec2;
@@ -87,7 +87,6 @@ pub struct Perception {
     /// Expected place of each part when it is next seen at rest, and the tolerance, m.
     expected_m: Vec<(Vec2, f64)>,
     pub(crate) delay: DelayGuard,
-    stillness: StillnessGuard,
     pub(crate) findings: Findings,
 }
 
@@ -128,8 +127,7 @@ impl Perception {
             off_plate: 0,
             relocated: false,
             expected_m,
-            delay: DelayGuard::new(model.frame_hz, guards.limits(parts.len()).late),
-            stillness: StillnessGuard::default(),
+            delay: DelayGuard::new(model.frame_hz, guards.limits(parts.len()).late_limit),
             findings: Findings::default(),
         })
     }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow::{Break, Continue};
 use super::ControlCycle;
 use crate::found::Found;
 use crate::gain_estimator::{ForecastDeviation, MORE};
-use crate::guards::{MotionFinding, PictureLag, PlateSwing, PulseOutcome, Sight, SwingVerdict, went};
+use crate::guards::{MotionFinding, NEVER, PlateSwing, PulseOutcome, Sight, SwingVerdict, went};
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
@@ -90,12 +90,12 @@ impl ControlCycle<'_, '_> {
         let went = positions.as_ref().and_then(went);
         let is_as_planned = self.check_motion(drive, coils, fit, went)?;
         self.check_picture_delay(is_as_planned)?;
-        let found = positions.as_ref().and_then(|positions| self.steps.check(positions, self.limits.steps));
+        let found = positions.as_ref().and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
         let Some((part, finding)) = found.filter(|(_, finding)| self.params.guards.has(*finding)) else {
             return Continue(());
         };
         let does = if finding == Finding::PartStuck { "hardly moves" } else { "goes the other way" };
-        let (id, pulses) = (self.params.id(part), self.limits.steps);
+        let (id, pulses) = (self.params.id(part), self.limits.steps_limit);
         let reason = format!("{id} {does} although {pulses} pulses in a row should carry it");
         Break(self.end_by(Found::about(finding, part), reason))
     }
@@ -116,7 +116,7 @@ impl ControlCycle<'_, '_> {
 
     /// The expected motion of a pulse.
     pub(super) fn expected<'a>(&self, drive: &'a Drive, coils: &'a CoilResponse) -> ExpectedMotion<'a> {
-        ExpectedMotion { drive, coils, load_mps2: self.load_mps2, limit: self.limits.motion }
+        ExpectedMotion { drive, coils, load_mps2: self.load_mps2, limit: self.limits.motion_limit }
     }
 
     /// A pulse as the camera saw it, in which most parts went this way.
@@ -150,10 +150,8 @@ impl ControlCycle<'_, '_> {
         let late = if is_as_planned { self.perception.delay.end() } else { None };
         let Some(late) = late.filter(|_| self.params.guards.has(Finding::CameraLate)) else { return Continue(()) };
         let reason = match late {
-            PictureLag::By(frames) => {
-                format!("the plate moves {frames} frames later in the pictures than it is driven")
-            }
-            PictureLag::Unseen => "the pictures do not show the plate move as it is driven".to_owned(),
+            NEVER => "the pictures do not show the plate move as it is driven".to_owned(),
+            frames => format!("the plate moves {frames} frames later in the pictures than it is driven"),
         };
         Break(self.end_by(Finding::CameraLate, reason))
     }

@@ -6,9 +6,9 @@ use upm_core::phasor::polar;
 use upm_core::signal::{Envelope, TwistWave};
 use upm_perception::estimation::BEARABLE_GAINS;
 
-/// Longest delay considered, frames, and the one that stands for pictures that never show the drive.
+/// Longest delay considered, frames, and the one that stands for pictures that contradict the drive at every delay.
 const LONGEST: usize = 30;
-const NEVER: usize = LONGEST + 1;
+pub const NEVER: usize = LONGEST + 1;
 /// Delay from which on pictures are late, frames: exposure and transfer take up to one.
 pub(super) const LATE: usize = 2;
 /// Frames that are kept: the longest pulse has fewer than 64.
@@ -47,15 +47,6 @@ pub struct DelayGuard {
     late: [f64; NEVER + 1],
     /// Sum over pulses of the share of the swing's squares that the best explanation left, and their number.
     unexplained: (f64, f64),
-}
-
-/// Lag of the pictures behind the drive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PictureLag {
-    /// By this number of frames.
-    By(usize),
-    /// The pictures contradict the drive, and no delay explains them.
-    Unseen,
 }
 
 /// The planned swing of a pulse as its frames show it.
@@ -136,8 +127,8 @@ impl DelayGuard {
         }
     }
 
-    /// Ends a pulse. Returns the delay of the frames once it is certain.
-    pub fn end(&mut self) -> Option<PictureLag> {
+    /// Ends a pulse. Returns the delay of the pictures, frames, once it is certain.
+    pub fn end(&mut self) -> Option<usize> {
         let (evidence, unexplained) = self.weighed();
         self.late.iter_mut().zip(evidence).for_each(|(sum, evidence)| *sum = (*sum + evidence).max(0.0));
         if let Some(share) = unexplained {
@@ -149,7 +140,7 @@ impl DelayGuard {
         let is_alike = |delay: usize| self.late.get(delay).is_some_and(|evidence| *evidence >= most - DOUBTFUL);
         let shortest = (LATE..=NEVER).find(|delay| is_alike(*delay)).filter(|_| most >= self.limit)?;
         // pictures of rest are explained by every delay from the pulse's length on
-        Some(if shortest == NEVER || is_alike(shortest + 1) { PictureLag::Unseen } else { PictureLag::By(shortest) })
+        Some(if is_alike(shortest + 1) { NEVER } else { shortest })
     }
 
     /// Frames of the newest pulse: age, displacement seen and expected, px.

@@ -22,11 +22,8 @@ pub enum UnusableFrame {
     /// The frame, or part of it, repeats one of the last pictures. Read noise makes every picture of a working camera
     /// unique.
     Repeated,
-    /// Its number or its time stamp does not fit the present.
-    Stamp {
-        /// Age of the time stamp, s; negative for one in the future.
-        older_s: f64,
-    },
+    /// Its number or its time stamp does not fit the present: the stamp is this old, s; negative for one in the future.
+    Stamp(f64),
     /// The frame shows no plate.
     Dark,
     /// Something hides part of the plate.
@@ -46,6 +43,9 @@ pub struct Freshness {
     positions: Option<MeasuredPositions>,
     /// True once a frame has differed from the first.
     pub changed: bool,
+    /// Displacement of the corners in the last frames, px, the number of frames in a row that show exactly this one, and
+    /// the least and the largest that the plate should have in them.
+    still: (Option<f64>, u32, [f64; 2]),
 }
 
 impl Freshness {
@@ -54,14 +54,16 @@ impl Freshness {
         Self { frame_s: frame_hz.recip(), exposure_s, ..Self::default() }
     }
 
-    /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present.
-    pub fn check(&mut self, frame: &Frame, now: PlateTime) -> Option<UnusableFrame> {
+    /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present. In px, the largest displacement
+    /// of a corner that it shows, and that the plate should have.
+    pub fn check(&mut self, frame: &Frame, now: PlateTime, swing_px: (Option<f64>, f64)) -> Option<UnusableFrame> {
         let before = self.last.replace((frame.index, frame.exposed_at));
         let older_s = now - frame.exposed_at;
         let is_next = before.is_none_or(|(index, at)| frame.index > index && frame.exposed_at > at);
         // the transfer of a picture that is not late yet, and the frame in which it is taken
         let oldest_s = (LATE + 1) as f64 * self.frame_s + self.exposure_s;
         let in_time = (-self.frame_s..=oldest_s).contains(&older_s);
+        let stands_still = self.stands_still(swing_px);
         let repeated = match &frame.positions {
             Some(positions) => {
                 // noise makes all positions unique
@@ -72,8 +74,8 @@ impl Freshness {
             }
             None => self.check_picture(frame),
         };
-        let stamp = (!is_next || !in_time).then_some(UnusableFrame::Stamp { older_s });
-        stamp.or(repeated.then_some(UnusableFrame::Repeated))
+        let stamp = (!is_next || !in_time).then_some(UnusableFrame::Stamp(older_s));
+        stamp.or((repeated || stands_still).then_some(UnusableFrame::Repeated))
     }
 
     fn check_picture(&mut self, frame: &Frame) -> bool {
@@ -100,29 +102,18 @@ impl Freshness {
         }
         repeated
     }
-}
 
-/// Detects a picture that freezes while the plate is swung, whether or not the camera is known to have noise.
-#[derive(Clone, Debug, Default)]
-pub struct StillnessGuard {
-    seen: Option<f64>,
-    frames: u32,
-    /// Least and largest displacement expected in these frames, px.
-    expected: (f64, f64),
-}
-
-impl StillnessGuard {
-    /// Takes the largest displacement of a corner as seen and as expected, px. True from the frame at which the picture
-    /// counts as frozen until it changes.
-    pub fn check(&mut self, seen: Option<f64>, expected: f64) -> bool {
-        let seen = seen.filter(|px| px.is_finite());
-        if seen.is_none() || seen != self.seen {
-            *self = Self { seen, frames: 0, expected: (expected, expected) };
-            return false;
+    /// True from the frame at which the picture counts as frozen, whether or not the camera is known to have noise, until
+    /// it changes.
+    fn stands_still(&mut self, (seen_px, expected_px): (Option<f64>, f64)) -> bool {
+        let seen_px = seen_px.filter(|px| px.is_finite());
+        if seen_px.is_none() || seen_px != self.still.0 {
+            self.still = (seen_px, 0, [expected_px; 2]);
         }
-        self.frames += 1;
-        self.expected = (self.expected.0.min(expected), self.expected.1.max(expected));
-        self.frames >= STILL_FRAMES && self.expected.1 - self.expected.0 > SWING_PX
+        let (_, frames, [least_px, most_px]) = &mut self.still;
+        (*least_px, *most_px) = (least_px.min(expected_px), most_px.max(expected_px));
+        *frames += 1;
+        *frames > STILL_FRAMES && *most_px - *least_px > SWING_PX
     }
 }
 
@@ -145,7 +136,7 @@ mod tests {
     }
 
     fn check(of: &mut Freshness, frame: &Frame) -> Option<UnusableFrame> {
-        of.check(frame, frame.exposed_at + 0.002)
+        of.check(frame, frame.exposed_at + 0.002, (None, 0.0))
     }
 
     #[test]
@@ -196,31 +187,31 @@ mod tests {
     fn stamp_that_does_not_fit_the_present_is_stale() {
         let mut fresh = Freshness::new(60.0, 0.004);
         assert_eq!(check(&mut fresh, &frame(1, 1)), None);
-        assert!(matches!(check(&mut fresh, &frame(1, 2)), Some(UnusableFrame::Stamp { .. })), "the same number");
+        assert!(matches!(check(&mut fresh, &frame(1, 2)), Some(UnusableFrame::Stamp(_))), "the same number");
         let late = frame(9, 9);
         assert!(
-            matches!(fresh.check(&late, late.exposed_at + 0.2), Some(UnusableFrame::Stamp { older_s }) if older_s > 0.19)
+            matches!(fresh.check(&late, late.exposed_at + 0.2, (None, 0.0)), Some(UnusableFrame::Stamp(older_s)) if older_s > 0.19)
         );
         let early = frame(10, 10);
         assert!(
-            matches!(fresh.check(&early, PlateTime::from_secs(0.1)), Some(UnusableFrame::Stamp { older_s }) if older_s < 0.0)
+            matches!(fresh.check(&early, PlateTime::from_secs(0.1), (None, 0.0)), Some(UnusableFrame::Stamp(older_s)) if older_s < 0.0)
         );
     }
 
     #[test]
     fn picture_that_does_not_follow_the_drive_is_frozen_until_it_changes() {
-        let mut guard = StillnessGuard::default();
-        let still = [0.0, 0.2, 0.4, 0.6, 0.0, 0.0].map(|expected| guard.check(Some(0.05), expected));
+        let mut guard = Freshness::default();
+        let still = [0.0, 0.2, 0.4, 0.6, 0.0, 0.0].map(|expected| guard.stands_still((Some(0.05), expected)));
         assert_eq!(still, [false, false, false, true, true, true]);
-        assert!(!guard.check(Some(0.06), 0.0));
+        assert!(!guard.stands_still((Some(0.06), 0.0)));
     }
 
     #[test]
     fn resting_unmeasured_or_noisy_plate_is_not_reported_frozen() {
-        let mut guard = StillnessGuard::default();
-        assert!((0..20).all(|_| !guard.check(Some(0.05), 0.0)), "nothing should move");
-        assert!((0..20).all(|i| !guard.check(Some(f64::INFINITY), f64::from(i))));
-        assert!((0..20).all(|i| !guard.check(None, f64::from(i))));
-        assert!((0..20).all(|i| !guard.check(Some(0.01 * f64::from(i)), f64::from(i))), "noise");
+        let mut guard = Freshness::default();
+        assert!((0..20).all(|_| !guard.stands_still((Some(0.05), 0.0))), "nothing should move");
+        assert!((0..20).all(|i| !guard.stands_still((Some(f64::INFINITY), f64::from(i)))));
+        assert!((0..20).all(|i| !guard.stands_still((None, f64::from(i)))));
+        assert!((0..20).all(|i| !guard.stands_still((Some(0.01 * f64::from(i)), f64::from(i)))), "noise");
     }
 }

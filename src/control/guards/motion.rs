@@ -1,7 +1,8 @@
 use super::delay::SwingVerdict;
 use super::steps::PulseOutcome;
 use crate::found::{Found, Reason};
-use upm_core::job::{Finding, RunnerUp};
+use upm_core::job::Finding::{AccelerometerFault, CoilFault, MotionOff};
+use upm_core::job::RunnerUp;
 use upm_core::signal::CHANNEL_NAMES;
 use upm_perception::estimation::{BEARABLE_GAINS, MotionJudgement, MotionVerdict};
 
@@ -88,41 +89,32 @@ impl MotionGuard {
             }
             _ => {}
         }
-        let (name, percent) = (name_of(verdict), 100.0 * off);
+        let (name, off_plan) = (name_of(verdict), format!("the plate moved {:.0} % off the plan", 100.0 * off));
+        let unread = "the accelerometer trace of the plate's motion is unreadable".to_owned();
         Some(match verdict {
             MotionVerdict::AsPlanned => return None,
             MotionVerdict::Channel(channel, gain) => {
                 let shows = gain.map(|gain| format!("shows {gain:.2} of the motion"));
                 let shows = shows.unwrap_or_else(|| "does not agree with the other three".to_owned());
                 let reason = format!("{name} {shows}: pulses are watched by the camera alone");
-                (Found::about(Finding::AccelerometerFault, channel), reason, false)
+                (Found::about(AccelerometerFault, channel), reason, false)
             }
             MotionVerdict::Coil(coil, gain) => {
-                let reason =
-                    format!("the plate moved {percent:.0} % off the plan: {name} gives {gain:.2} of its force");
-                (Found::about(Finding::CoilFault, coil), reason, !BEARABLE_GAINS.contains(&gain))
+                let reason = format!("{off_plan}: {name} gives {gain:.2} of its force");
+                (Found::about(CoilFault, coil), reason, !BEARABLE_GAINS.contains(&gain))
             }
-            MotionVerdict::Swapped([coil, _]) => (Found::about(Finding::CoilFault, coil), name, true),
+            MotionVerdict::Swapped([coil, _]) => (Found::about(CoilFault, coil), name, true),
             MotionVerdict::Channels => {
-                let reason = "the accelerometers show what no motion of a plate shows".to_owned();
-                (Finding::AccelerometerFault.into(), reason, false)
+                (AccelerometerFault.into(), "the accelerometers show what no motion of a plate shows".to_owned(), false)
             }
             MotionVerdict::Other if is_contradicted => {
-                let reason =
-                    format!("the accelerometers read a motion {percent:.0} % off the plan, the parts went as forecast");
-                (Finding::AccelerometerFault.into(), reason, false)
+                (AccelerometerFault.into(), format!("{off_plan} by the accelerometers, not by the camera"), false)
             }
-            MotionVerdict::Other => {
-                (Finding::MotionOff.into(), format!("the plate moved {percent:.0} % off the plan"), off > FAR_OFF)
-            }
+            MotionVerdict::Other => (MotionOff.into(), off_plan, off > FAR_OFF),
             MotionVerdict::Unreadable if is_contradicted => {
-                let reason = "the accelerometer trace is unreadable, and the camera shows nothing wrong".to_owned();
-                (Finding::AccelerometerFault.into(), reason, false)
+                (AccelerometerFault.into(), format!("{unread}, and the camera shows nothing wrong"), false)
             }
-            MotionVerdict::Unreadable => {
-                let reason = "the accelerometer trace of the plate's motion is unreadable".to_owned();
-                (Finding::MotionOff.into(), reason, true)
-            }
+            MotionVerdict::Unreadable => (MotionOff.into(), unread, true),
         })
     }
 }

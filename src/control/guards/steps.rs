@@ -19,8 +19,8 @@ const NEAR_OF_STEP: f64 = 0.15;
 /// Compares the measured step of each part with its forecast.
 #[derive(Clone, Debug, Default)]
 pub struct StepGuard {
-    /// For each part the finding that its last steps show, and their number in a row.
-    shown: Vec<(Option<Finding>, u32)>,
+    /// For each part the outcome of its last steps, and their number in a row.
+    shown: Vec<(PulseOutcome, u32)>,
     /// Steps that were compared, and those that missed their forecast.
     pub compared: [u64; 2],
 }
@@ -30,19 +30,17 @@ impl StepGuard {
     /// whether it hardly moves or moves against them.
     pub fn check(&mut self, seen: &PulsePositions, limit: u32) -> Option<(usize, Finding)> {
         let parts = seen.before_m.len();
-        self.shown.resize(parts, (None, 0));
+        self.shown.resize(parts, (PulseOutcome::There, 0));
         let mut found = None;
         for (part, outcome) in outcomes(seen, if parts > MANY { SHORTEST_OF_MANY_M } else { SHORTEST_M }) {
-            let finding = match outcome {
-                PulseOutcome::Stuck => Some(Finding::PartStuck),
-                PulseOutcome::Astray => Some(Finding::PartAstray),
-                _ => None,
-            };
             let (last, in_a_row) = self.shown[part];
-            self.shown[part] = (finding, if finding == last { in_a_row + 1 } else { 1 });
+            self.shown[part] = (outcome, if outcome == last { in_a_row + 1 } else { 1 });
             self.compared[0] += 1;
-            self.compared[1] += u64::from(finding.is_some());
-            found = found.or(finding.filter(|_| self.shown[part].1 >= limit).map(|finding| (part, finding)));
+            let PulseOutcome::Missed(finding) = outcome else { continue };
+            self.compared[1] += 1;
+            if self.shown[part].1 >= limit {
+                found = found.or(Some((part, finding)));
+            }
         }
         found
     }
@@ -55,10 +53,8 @@ pub enum PulseOutcome {
     There,
     /// Near it, as on a plate that moves slightly off its plan.
     About,
-    /// Where it was: it hardly moved.
-    Stuck,
-    /// The other way.
-    Astray,
+    /// Where it was since it hardly moved, or the other way.
+    Missed(Finding),
     /// Anywhere else, as one that slid on.
     Elsewhere,
 }
@@ -75,8 +71,8 @@ fn outcomes(seen: &PulsePositions, shortest_m: f64) -> impl Iterator<Item = (usi
         let outcome = match is_about {
             true if (went - wanted).norm() < NEAR_M + NEAR_OF_STEP * length_m => PulseOutcome::There,
             true => PulseOutcome::About,
-            _ if went.norm() < STUCK * length_m => PulseOutcome::Stuck,
-            _ if along < -STUCK => PulseOutcome::Astray,
+            _ if went.norm() < STUCK * length_m => PulseOutcome::Missed(Finding::PartStuck),
+            _ if along < -STUCK => PulseOutcome::Missed(Finding::PartAstray),
             _ => PulseOutcome::Elsewhere,
         };
         (part, outcome)

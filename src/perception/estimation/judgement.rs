@@ -175,8 +175,6 @@ struct PulseJudge<'a> {
     planned: Readings,
     /// Square of the tolerance of each coefficient for noise and load alone, (m/s²)².
     noise: Readings,
-    /// Inverse square of the tolerance of each coefficient of the planned motion, (m/s²)⁻².
-    weights: Readings,
 }
 
 impl<'a> PulseJudge<'a> {
@@ -192,15 +190,11 @@ impl<'a> PulseJudge<'a> {
             let [cos, sin] = accel_sd_mps2[i / COEFFICIENTS];
             0.5 * (cos * cos + sin * sin)
         });
-        let noisy = noisy(channel_residual_mps2);
+        let (noisy, share) = noisy(channel_residual_mps2);
         let deviations = if expected.periods() < 2.0 { DEVIATIONS_ONE_PERIOD } else { DEVIATIONS };
-        // the residual of a channel full of noise says nothing about the others
-        let others = CHANNELS as f64 / (CHANNELS - 1) as f64;
-        let share = noisy.map_or(1.0, |(_, share)| (1.0 - share) * others);
         let load = expected.load_mps2 * expected.load_mps2 / (2 * harmonics.max(1)) as f64;
         let noise = (&variance * (deviations * deviations * share)).add_scalar(load);
-        let weights = noise.add_scalar(response_variance(&planned)).map(f64::recip);
-        Self { expected, sensors, read, variance, noisy: noisy.map(|(channel, _)| channel), planned, noise, weights }
+        Self { expected, sensors, read, variance, noisy, planned, noise }
     }
 
     /// The judgement, without a channel that is full of noise.
@@ -220,82 +214,66 @@ impl<'a> PulseJudge<'a> {
         MotionJudgement { off, score: Some(score), verdict, runner_up }
     }
 
-    /// The best explanation by one fault, if one is accepted, and its runner-up; or by several.
+    /// The first explanation that is accepted, and the one after it where both are single faults.
     fn explanation(&self) -> (MotionVerdict, Option<(MotionVerdict, f64)>) {
-        let mut ranked = self.single_faults();
-        ranked.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        match ranked[..] {
-            [(best, verdict), ref others @ ..] if best <= self.expected.limit => {
-                let coefficients = self.read.len() as f64;
-                let odds = |other: f64| libm::exp(0.5 * coefficients * (other * other - best * best));
-                (verdict, others.first().map(|(other, runner_up)| (*runner_up, odds(*other))))
+        let mut ranked = self.explanations();
+        ranked.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let accepted = ranked.iter().position(|(_, score, _)| *score <= self.expected.limit);
+        let (verdict, rank, best) =
+            accepted.map_or((MotionVerdict::Other, 1, 0.0), |i| (ranked[i].2, ranked[i].0, ranked[i].1));
+        let odds = |other: f64| libm::exp(0.5 * self.read.len() as f64 * (other * other - best * best));
+        let runner_up = ranked.get(1).filter(|(other, ..)| rank + other == 0);
+        (verdict, runner_up.map(|(_, other, runner_up)| (*runner_up, odds(*other))))
+    }
+
+    /// All explanations with their scores, for a gain at the one that fits the reading best. Simple ones come first: one
+    /// coil, channel or pair of coils; a channel that shows something else; channels that disagree; one coil with one
+    /// gain while the other three share another, as under a sagging supply.
+    fn explanations(&self) -> Vec<(u8, f64, MotionVerdict)> {
+        let mut all = Vec::new();
+        for coil in 0..MOTORS {
+            let others = self.driven(|motors| motors[coil].clear());
+            let own = &self.planned - &others;
+            if let Some((score, [gain])) = self.fitted(&others, [&own])
+                && is_fault(gain)
+                && COIL_GAINS.contains(&gain)
+            {
+                all.push((0, score, MotionVerdict::Coil(coil, gain)));
             }
-            _ => (self.several_faults(), None),
+            if let Some((score, [gain, shared])) = self.fitted(&(&own * 0.0), [&own, &others])
+                && is_fault(gain / shared)
+                && COIL_GAINS.contains(&gain)
+                && BEARABLE_GAINS.contains(&shared)
+            {
+                all.push((3, score, MotionVerdict::Coil(coil, gain)));
+            }
+            for other in coil + 1..MOTORS {
+                let swapped = self.driven(|motors| motors.swap(coil, other));
+                all.push((0, self.score(&swapped, None), MotionVerdict::Swapped([coil, other])));
+            }
         }
-    }
-
-    /// Score and verdict for each coil, channel and pair of coils; for a gain the one that fits the reading best.
-    fn single_faults(&self) -> Vec<(f64, MotionVerdict)> {
-        let pairs = (0..MOTORS).flat_map(|a| (a + 1..MOTORS).map(move |b| [a, b]));
-        let coils = (0..MOTORS).filter_map(|coil| {
-            let [own, others] = self.split(coil);
-            let (score, [gain]) = self.fitted(&others, [&own])?;
-            let is_plausible = is_fault(gain) && COIL_GAINS.contains(&gain);
-            is_plausible.then_some((score, MotionVerdict::Coil(coil, gain)))
-        });
-        let channels = (0..CHANNELS).filter_map(|channel| {
-            let own =
-                Readings::from_fn(
-                    self.planned.len(),
-                    |i, _| {
-                        if channel_of(i) == channel { self.planned[i] } else { 0.0 }
-                    },
-                );
-            let (score, [gain]) = self.fitted(&(&self.planned - &own), [&own])?;
-            is_fault(gain).then_some((score, MotionVerdict::Channel(channel, Some(gain))))
-        });
-        let swaps = pairs.map(|coils| {
-            let swapped = self.driven(|motors| motors.swap(coils[0], coils[1]));
-            (self.score(&swapped, None), MotionVerdict::Swapped(coils))
-        });
-        coils.chain(channels).chain(swaps).collect()
-    }
-
-    /// The verdict where no single fault explains the reading: a channel that shows something else, channels that
-    /// disagree, or one coil with one gain while the other three share another, as under a sagging supply.
-    fn several_faults(&self) -> MotionVerdict {
-        let erratic = (0..CHANNELS)
-            .map(|channel| (self.score(&self.planned, Some(channel)), MotionVerdict::Channel(channel, None)));
-        let among_weak = (0..MOTORS).filter_map(|coil| {
-            let [own, others] = self.split(coil);
-            let (score, [gain, shared]) = self.fitted(&(&own * 0.0), [&own, &others])?;
-            let is_plausible =
-                COIL_GAINS.contains(&gain) && BEARABLE_GAINS.contains(&shared) && is_fault(gain / shared);
-            is_plausible.then_some((score, MotionVerdict::Coil(coil, gain)))
-        });
-        let accepted = |of: &mut dyn Iterator<Item = (f64, MotionVerdict)>| {
-            let best = of.min_by(|(a, _), (b, _)| a.total_cmp(b));
-            best.filter(|(score, _)| *score <= self.expected.limit).map(|(_, verdict)| verdict)
-        };
-        let erratic = accepted(&mut { erratic });
-        let apart = || (!self.is_rigid()).then_some(MotionVerdict::Channels);
-        erratic.or_else(apart).or_else(|| accepted(&mut { among_weak })).unwrap_or(MotionVerdict::Other)
+        for channel in 0..CHANNELS {
+            let own = self.planned.map_with_location(|i, _, a| if channel_of(i) == channel { a } else { 0.0 });
+            if let Some((score, [gain])) = self.fitted(&(&self.planned - &own), [&own])
+                && is_fault(gain)
+            {
+                all.push((0, score, MotionVerdict::Channel(channel, Some(gain))));
+            }
+            all.push((1, self.score(&self.planned, Some(channel)), MotionVerdict::Channel(channel, None)));
+        }
+        all.push((2, if self.is_rigid() { f64::INFINITY } else { 0.0 }, MotionVerdict::Channels));
+        all
     }
 
     /// Score of the sum of `rest` and `parts`, each at the gain that fits the reading best.
     fn fitted<const N: usize>(&self, rest: &Readings, parts: [&Readings; N]) -> Option<(f64, [f64; N])> {
-        let dot = |a: &Readings, b: &Readings| a.component_mul(&self.weights).dot(b);
+        let tolerance2 = self.noise.add_scalar(response_variance(&self.planned));
+        let dot = |a: &Readings, b: &Readings| a.component_div(&tolerance2).dot(b);
         let normal = SMatrix::<f64, N, N>::from_fn(|row, column| dot(parts[row], parts[column]));
         let seen = SVector::<f64, N>::from_fn(|row, _| dot(parts[row], &(&self.read - rest)));
         let gains: [f64; N] = (normal.try_inverse()? * seen).into();
         let predicted = parts.iter().zip(gains).fold(rest.clone(), |sum, (part, gain)| sum + *part * gain);
         Some((self.score(&predicted, None), gains))
-    }
-
-    /// The planned motion as the accelerometers feel it: the share of `coil`, and that of all others.
-    fn split(&self, coil: usize) -> [Readings; 2] {
-        let others = self.driven(|motors| motors[coil].clear());
-        [&self.planned - &others, others]
     }
 
     /// The readings of another drive than the planned one.
@@ -341,14 +319,18 @@ fn channel_of(coefficient: usize) -> usize {
     coefficient / 2 % CHANNELS
 }
 
-/// The channel full of noise, with its share of the sum of squares: its residual is more standard deviations than a
-/// coefficient may be off, each the largest other residual or [`WEAKEST_MPS2`].
-fn noisy(residual_mps2: &[f64; CHANNELS]) -> Option<(usize, f64)> {
-    let squares = residual_mps2.map(|rms| rms * rms);
-    let (channel, &most) = squares.iter().enumerate().max_by(|(_, a), (_, b)| a.total_cmp(b))?;
-    let others = squares.iter().enumerate().filter(|(other, _)| *other != channel);
-    let next = others.map(|(_, square)| *square).fold(WEAKEST_MPS2 * WEAKEST_MPS2, f64::max);
-    (most > DEVIATIONS * DEVIATIONS * next).then(|| (channel, most / squares.iter().sum::<f64>()))
+/// The channel full of noise, if one is: its residual is more standard deviations than a coefficient may be off, each
+/// the largest other residual or [`WEAKEST_MPS2`]. Beside it the variance of the others over that of all four: the
+/// residual of such a channel says nothing about the others.
+fn noisy(residual_mps2: &[f64; CHANNELS]) -> (Option<usize>, f64) {
+    let mut squares: Vec<(f64, usize)> = residual_mps2.iter().map(|rms| rms * rms).zip(0..).collect();
+    squares.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    let (most, channel) = squares[0];
+    if most <= DEVIATIONS * DEVIATIONS * squares[1].0.max(WEAKEST_MPS2 * WEAKEST_MPS2) {
+        return (None, 1.0);
+    }
+    let mean = |of: &[(f64, usize)]| of.iter().map(|(square, _)| square).sum::<f64>() / of.len() as f64;
+    (Some(channel), mean(&squares[1..]) / mean(&squares))
 }
 
 /// True for a gain far enough from 1 to be reported as a fault.
