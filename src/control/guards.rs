@@ -29,6 +29,10 @@ const MISSED: f64 = 4.74 / 80_766.0;
 /// Least number of missed steps in a row: one wrong observation spoils two.
 const LEAST_IN_A_ROW: u32 = 3;
 
+/// Share by which a swing or a step may be off its forecast and agrees with it, and from which on it is another one.
+const SLIGHT: f64 = 0.2;
+const GROSS: f64 = 0.5;
+
 /// The active guards, and how certain they must be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Guards {

@@ -19,7 +19,7 @@ const NEAR: f64 = 6.0;
 /// while.
 const DETOUR_CYCLES: u32 = 200;
 /// Parts that one motion brings nearer at a time: where there are more, they take turns.
-const SERVED: u32 = 8;
+pub(super) const SERVED: u32 = 8;
 /// Relative decrease of a distance that counts as an improvement.
 const SHARE: f64 = 0.01;
 /// The same for a single part that is not at its target yet: dense sets advance part by part, some of them back for a

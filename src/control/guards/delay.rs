@@ -2,6 +2,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{Complex, DVector, Vector3};
 
+use super::{GROSS, SLIGHT};
 use upm_core::phasor::polar;
 use upm_core::signal::{Envelope, TwistWave};
 use upm_perception::estimation::BEARABLE_GAINS;
@@ -16,16 +17,11 @@ const KEPT: usize = 64 + LONGEST;
 /// Larger displacements are clamped to this, px: the sides are followed no farther.
 const FARTHEST_PX: f64 = 6.0;
 /// Standard deviation of a corner's displacement by the picture's noise, px.
-const NOISE_PX: f64 = 0.05;
+pub(super) const NOISE_PX: f64 = 0.05;
 /// Standard deviation of the swing that calibration predicts, as a share of its root mean square, until a run shows it.
 const MODEL_ERROR: f64 = 0.1;
 /// Log-likelihood ratio of one pulse that casts doubt: one in a hundred.
 const DOUBTFUL: f64 = 4.6;
-/// Largest residual, as a share of the squares, of frames that show the planned swing: a swing larger by a fifth leaves
-/// this much.
-const AS_DRIVEN: f64 = 0.04;
-/// Residual from which on they show another swing: one larger or smaller by half leaves this much.
-const OTHERWISE: f64 = 0.25;
 
 /// Measures the delay of the pictures from the displacement of the plate's corners in each frame: a sequential test of
 /// the planned swing, shown in time, against the same swing shown later or not at all.
@@ -121,8 +117,8 @@ impl DelayGuard {
         let left: f64 = counted().map(|(_, seen, expected)| (seen - expected).powi(2)).sum();
         match left / expected {
             _ if !shows_height(expected, counted().count()) => SwingVerdict::Unclear,
-            share if share < AS_DRIVEN => SwingVerdict::AsDriven,
-            share if share > OTHERWISE => SwingVerdict::Otherwise,
+            share if share < SLIGHT * SLIGHT => SwingVerdict::AsDriven,
+            share if share > GROSS * GROSS => SwingVerdict::Otherwise,
             _ => SwingVerdict::Unclear,
         }
     }
@@ -191,7 +187,7 @@ impl DelayGuard {
 /// True for a swing whose height this number of frames shows: noise alone leaves less of its squares than a swing as
 /// planned may.
 fn shows_height(swing_px2: f64, frames: usize) -> bool {
-    frames as f64 * NOISE_PX * NOISE_PX < AS_DRIVEN * swing_px2
+    frames as f64 * NOISE_PX * NOISE_PX < SLIGHT * SLIGHT * swing_px2
 }
 
 impl PlateSwing {

@@ -1,6 +1,6 @@
 use std::collections::VecDeque;
 
-use super::delay::LATE;
+use super::delay::{LATE, NOISE_PX};
 use upm_core::signal::{Frame, MeasuredPositions};
 use upm_core::time::PlateTime;
 
@@ -11,10 +11,8 @@ const ROW_STEP: usize = 8;
 /// Number of pictures remembered: a camera may repeat the same few in turn.
 const REMEMBERED: usize = 8;
 
-/// Number of frames in a row, after the first, that show the plate at exactly the same place.
-const STILL_FRAMES: u32 = 3;
-/// Difference between the displacements the plate should have in them, px.
-const SWING_PX: f64 = 0.3;
+/// Difference of displacements that noise does not explain, px.
+const SWING_PX: f64 = 6.0 * NOISE_PX;
 
 /// Reason for which a frame is unusable.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,9 +41,9 @@ pub struct Freshness {
     positions: Option<MeasuredPositions>,
     /// True once a frame has differed from the first.
     pub changed: bool,
-    /// Displacement of the corners in the last frames, px, the number of frames in a row that show exactly this one, and
-    /// the least and the largest that the plate should have in them.
-    still: (Option<f64>, u32, [f64; 2]),
+    /// Displacement of the corners that the last frames show exactly, px, and the least and the largest that the plate
+    /// should have in them.
+    still: (Option<f64>, [f64; 2]),
 }
 
 impl Freshness {
@@ -108,12 +106,11 @@ impl Freshness {
     fn stands_still(&mut self, (seen_px, expected_px): (Option<f64>, f64)) -> bool {
         let seen_px = seen_px.filter(|px| px.is_finite());
         if seen_px.is_none() || seen_px != self.still.0 {
-            self.still = (seen_px, 0, [expected_px; 2]);
+            self.still = (seen_px, [expected_px; 2]);
         }
-        let (_, frames, [least_px, most_px]) = &mut self.still;
+        let (_, [least_px, most_px]) = &mut self.still;
         (*least_px, *most_px) = (least_px.min(expected_px), most_px.max(expected_px));
-        *frames += 1;
-        *frames > STILL_FRAMES && *most_px - *least_px > SWING_PX
+        *most_px - *least_px > SWING_PX
     }
 }
 
@@ -202,7 +199,7 @@ mod tests {
     fn picture_that_does_not_follow_the_drive_is_frozen_until_it_changes() {
         let mut guard = Freshness::default();
         let still = [0.0, 0.2, 0.4, 0.6, 0.0, 0.0].map(|expected| guard.stands_still((Some(0.05), expected)));
-        assert_eq!(still, [false, false, false, true, true, true]);
+        assert_eq!(still, [false, false, true, true, true, true]);
         assert!(!guard.stands_still((Some(0.06), 0.0)));
     }
 

@@ -8,8 +8,8 @@ use upm_perception::estimation::{BEARABLE_GAINS, MotionJudgement, MotionVerdict}
 
 /// Names of the voice coils.
 const COILS: [&str; 4] = ["x1", "x2", "y1", "y2"];
-/// Relative deviation of a motion from its plan above which the run ends.
-const FAR_OFF: f64 = 0.25;
+/// Relative deviation of a motion from its plan above which the run ends: that of four coils as weak as a run bears.
+const FAR_OFF: f64 = 1.0 - *BEARABLE_GAINS.start();
 
 /// A finding on coils or accelerometers from one pulse.
 #[derive(Clone, Debug, PartialEq)]

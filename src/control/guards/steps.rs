@@ -1,20 +1,15 @@
+use super::{GROSS, SLIGHT};
 use crate::PulsePositions;
+use crate::progress::SERVED;
 use upm_core::job::Finding;
 
-/// Forecast steps below this are no evidence, m: among many parts forecasts of synthesised fields are off by up to 1
-/// mm.
-const SHORTEST_M: f64 = 2e-3;
-/// The same among more than eight parts: one motion for 24 parts leaves some of them in place during five pulses that
-/// should carry them by up to 2.4 mm.
-const SHORTEST_OF_MANY_M: f64 = 3e-3;
-const MANY: usize = 8;
-/// A part that moves less than this share of its forecast step hardly moves.
-const STUCK: f64 = 0.2;
-/// Least share of the forecast step along it, and largest across it, with which a part moved as forecast.
-const AS_FORECAST: f64 = 0.5;
-/// Largest deviation from the forecast place with which a part is there: m, plus this share of its step.
-const NEAR_M: f64 = 5e-4;
-const NEAR_OF_STEP: f64 = 0.15;
+/// Error of the forecasts of synthesised fields among many parts, m.
+const FORECAST_M: f64 = 1e-3;
+/// Forecast steps below this are no evidence, m.
+const SHORTEST_M: f64 = 2.0 * FORECAST_M;
+/// The same among more parts than one motion serves: one for 24 parts leaves some of them in place during five pulses
+/// that should carry them by up to 2.4 mm.
+const SHORTEST_OF_MANY_M: f64 = 3.0 * FORECAST_M;
 
 /// Compares the measured step of each part with its forecast.
 #[derive(Clone, Debug, Default)]
@@ -32,7 +27,7 @@ impl StepGuard {
         let parts = seen.before_m.len();
         self.shown.resize(parts, (PulseOutcome::There, 0));
         let mut found = None;
-        for (part, outcome) in outcomes(seen, if parts > MANY { SHORTEST_OF_MANY_M } else { SHORTEST_M }) {
+        for (part, outcome) in outcomes(seen, if parts > SERVED as usize { SHORTEST_OF_MANY_M } else { SHORTEST_M }) {
             let (last, in_a_row) = self.shown[part];
             self.shown[part] = (outcome, if outcome == last { in_a_row + 1 } else { 1 });
             self.compared[0] += 1;
@@ -67,12 +62,12 @@ fn outcomes(seen: &PulsePositions, shortest_m: f64) -> impl Iterator<Item = (usi
         let length_m = wanted.norm();
         let along = went.dot(&wanted) / (length_m * length_m);
         let across = (went - wanted * along).norm() / length_m;
-        let is_about = along > AS_FORECAST && along < 1.0 / AS_FORECAST && across < AS_FORECAST;
+        let is_about = along > GROSS && along < 1.0 / GROSS && across < GROSS;
         let outcome = match is_about {
-            true if (went - wanted).norm() < NEAR_M + NEAR_OF_STEP * length_m => PulseOutcome::There,
+            true if (went - wanted).norm() < FORECAST_M.max(SLIGHT * length_m) => PulseOutcome::There,
             true => PulseOutcome::About,
-            _ if went.norm() < STUCK * length_m => PulseOutcome::Missed(Finding::PartStuck),
-            _ if along < -STUCK => PulseOutcome::Missed(Finding::PartAstray),
+            _ if went.norm() < SLIGHT * length_m => PulseOutcome::Missed(Finding::PartStuck),
+            _ if along < -SLIGHT => PulseOutcome::Missed(Finding::PartAstray),
             _ => PulseOutcome::Elsewhere,
         };
         (part, outcome)
