@@ -115,10 +115,10 @@ impl DelayGuard {
         let counted = || self.seen().filter(|(_, _, expected)| *expected < FARTHEST_PX);
         let expected: f64 = counted().map(|(_, _, expected)| expected * expected).sum();
         let left: f64 = counted().map(|(_, seen, expected)| (seen - expected).powi(2)).sum();
+        let is_clear = shows_height(expected, counted().count());
         match left / expected {
-            _ if !shows_height(expected, counted().count()) => SwingVerdict::Unclear,
-            share if share < SLIGHT * SLIGHT => SwingVerdict::AsDriven,
-            share if share > GROSS * GROSS => SwingVerdict::Otherwise,
+            share if is_clear && share < SLIGHT * SLIGHT => SwingVerdict::AsDriven,
+            share if is_clear && share > GROSS * GROSS => SwingVerdict::Otherwise,
             _ => SwingVerdict::Unclear,
         }
     }
@@ -164,7 +164,7 @@ impl DelayGuard {
             (&seen - shown * gain.clamp(*BEARABLE_GAINS.start(), *BEARABLE_GAINS.end())).norm_squared()
         };
         // up to a frame early, as a model that lags behind the plate lets them look, or late
-        let in_time_px2 = [-1, 0, 1].iter().map(|delay| left_px2(&shown(*delay))).fold(f64::INFINITY, f64::min);
+        let in_time_px2 = (-1..LATE as isize).map(|delay| left_px2(&shown(delay))).fold(f64::INFINITY, f64::min);
         let late: [_; NEVER + 1] =
             std::array::from_fn(|delay| if delay < NEVER { shown(delay as isize) } else { shown(0) * 0.0 });
         // errors of the model are alike in all frames of a pulse, and as large as earlier pulses showed them

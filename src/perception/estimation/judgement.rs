@@ -214,7 +214,7 @@ impl<'a> PulseJudge<'a> {
         MotionJudgement { off, score: Some(score), verdict, runner_up }
     }
 
-    /// The first explanation that is accepted, and the one after it where both are single faults.
+    /// The first explanation that is accepted, and the next one with its odds where both have rank 0.
     fn explanation(&self) -> (MotionVerdict, Option<(MotionVerdict, f64)>) {
         let mut ranked = self.explanations();
         ranked.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -226,9 +226,9 @@ impl<'a> PulseJudge<'a> {
         (verdict, runner_up.map(|(_, other, runner_up)| (*runner_up, odds(*other))))
     }
 
-    /// All explanations with their scores, for a gain at the one that fits the reading best. Simple ones come first: one
-    /// coil, channel or pair of coils; a channel that shows something else; channels that disagree; one coil with one
-    /// gain while the other three share another, as under a sagging supply.
+    /// All explanations with their ranks and their scores at the gains that fit the reading best. The simpler come
+    /// first: 0 for one coil, channel or pair of coils; 1 for a channel that shows something else; 2 for channels that
+    /// disagree; 3 for one coil with one gain while the other three share another, as under a sagging supply.
     fn explanations(&self) -> Vec<(u8, f64, MotionVerdict)> {
         let mut all = Vec::new();
         for coil in 0..MOTORS {

@@ -53,7 +53,7 @@ fn delay_is_measured_to_the_frame_by_the_third_pulse() {
             // two pulses may be over before one is visible
             let delay = found.iter().flatten().find(|&&late| late != NEVER);
             // pulses at equal intervals look alike
-            let is_right = |by: &usize| *by != NEVER && by.abs_diff(late as usize) % period == 0;
+            let is_right = |by: &usize| *by != NEVER && by.abs_diff(late as usize).is_multiple_of(period);
             assert!(named.is_some() && delay.is_some_and(is_right), "{late}: {found:?}");
         }
     }
