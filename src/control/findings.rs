@@ -31,7 +31,7 @@ struct Active {
 }
 
 impl Active {
-    /// True for a finding that has not held for a while; a finding of the camera is noted in every frame while it holds.
+    /// True for a finding that has not held for a while. One of the camera is noted in every frame while it holds.
     fn is_over(&self, at: PlateTime, cycle: u64) -> bool {
         let finding = self.found.finding;
         let is_of_sight = finding.effect() == Effect::Waits && finding != Finding::TableMissing;

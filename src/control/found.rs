@@ -47,8 +47,8 @@ impl fmt::Display for Reason {
     }
 }
 
-/// The finding behind a plan without pulses, and its reason for people; `None` for a plan that can be played. `id` names
-/// a part.
+/// The finding behind a plan without pulses, and its reason for people; `None` for a plan that can be played. `id`
+/// names a part.
 pub(super) fn finding_of_plan<'a>(status: &PlanStatus, id: impl Fn(usize) -> &'a str) -> Option<(Finding, String)> {
     Some(match status {
         PlanStatus::Solved | PlanStatus::NothingToDo => return None,

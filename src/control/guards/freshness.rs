@@ -34,8 +34,8 @@ pub struct Freshness {
     frame_s: f64,
     exposure_s: f64,
     last: Option<(u64, PlateTime)>,
-    /// For each band its last pictures, and whether noise is visible in it: they differed in the first two frames, which
-    /// show the same scene, or as a whole later.
+    /// For each band its last pictures, and whether noise is visible in it: they differed in the first two frames,
+    /// which show the same scene, or as a whole later.
     bands: [(VecDeque<Vec<u8>>, bool); BANDS],
     /// Positions in the last frame, where it had them in place of pixels.
     positions: Option<MeasuredPositions>,
@@ -52,8 +52,8 @@ impl Freshness {
         Self { frame_s: frame_hz.recip(), exposure_s, ..Self::default() }
     }
 
-    /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present. In px, the largest displacement
-    /// of a corner that it shows, and that the plate should have.
+    /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present. `swing_px` is the largest
+    /// displacement of a corner that it shows, and the one that the plate should have.
     pub fn check(&mut self, frame: &Frame, now: PlateTime, swing_px: (Option<f64>, f64)) -> Option<UnusableFrame> {
         let before = self.last.replace((frame.index, frame.exposed_at));
         let older_s = now - frame.exposed_at;
@@ -82,7 +82,8 @@ impl Freshness {
         for (band, (seen, is_noisy)) in self.bands.iter_mut().enumerate() {
             let mut pixels = Vec::new();
             for y in (band * height..((band + 1) * height).min(frame.height)).step_by(ROW_STEP) {
-                pixels.extend_from_slice(frame.row(y));
+                let row = frame.pixels.get(y * frame.width..(y + 1) * frame.width);
+                pixels.extend_from_slice(row.unwrap_or_default());
             }
             // black or white shows no noise
             let is_uniform = pixels.iter().all(|pixel| Some(pixel) == pixels.first());
@@ -101,8 +102,8 @@ impl Freshness {
         repeated
     }
 
-    /// True from the frame at which the picture counts as frozen, whether or not the camera is known to have noise, until
-    /// it changes.
+    /// True from the frame at which the picture counts as frozen, whether or not the camera is known to have noise,
+    /// until it changes.
     fn stands_still(&mut self, (seen_px, expected_px): (Option<f64>, f64)) -> bool {
         let seen_px = seen_px.filter(|px| px.is_finite());
         if seen_px.is_none() || seen_px != self.still.0 {
