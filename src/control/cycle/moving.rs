@@ -52,7 +52,7 @@ impl ControlCycle<'_, '_> {
     fn move_until_rest(&mut self, wanted: Setpoints) -> OrEnd<Vec<Vec2>> {
         let mut present = self.plan_segment(wanted)?;
         let mut started_at = self.io.rig.now();
-        self.perception.expect_pulse(started_at, None, Some(self.swing(&present, None)));
+        self.perception.expect_pulse(started_at, None, Some(self.swing_after(&present, None)));
         flow(self.io.rig.play(&present.drive))?;
         let mut segments = 0;
         loop {
@@ -118,7 +118,7 @@ impl ControlCycle<'_, '_> {
             }
             match next {
                 Some(next) if !is_over => {
-                    let swing = self.swing(&next, Some(&facts.planned));
+                    let swing = self.swing_after(&next, Some(&facts.planned));
                     self.perception.delay.begin(ends_at.secs(), swing);
                     (present, started_at) = (next, ends_at);
                 }
@@ -146,7 +146,7 @@ impl ControlCycle<'_, '_> {
             && self.params.guards.has(Finding::NoProgress)
         {
             let id = |part| self.params.id(part);
-            return Break(self.planning.watch.ending(&wanted, &places_m, self.params.method, id));
+            return Break(self.planning.watch.ending(&wanted, &places_m, id));
         }
         self.plan_segment(wanted).map_continue(Some)
     }
@@ -199,17 +199,16 @@ impl ControlCycle<'_, '_> {
     /// Compares a segment with its plan: the pictures' timing, the parts' steps.
     fn doubt_segment(&mut self, positions: Option<&PulsePositions>) -> OrEnd {
         self.check_picture_delay(true)?;
-        let found = positions.and_then(|s| self.steps.check(&s.before_m, &s.by_learning_m, &s.after_m));
+        let found = positions.and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
         self.report_step(found)
     }
 
     /// Swing of the plate while `next` takes over from `last`.
-    fn swing(&self, next: &PlannedSegment, last: Option<&PlannedPulse>) -> PlateSwing {
-        let wave = next.segment.pulse.wave.clone();
+    fn swing_after(&self, next: &PlannedSegment, last: Option<&PlannedPulse>) -> PlateSwing {
         let fade = match last {
             Some(PlannedPulse::Field(last)) => SwingFade::From(last.wave.clone()),
             _ => SwingFade::Rest,
         };
-        PlateSwing { fade, ..self.swing_of(wave, &next.drive) }
+        self.swing_of(next.segment.pulse.wave.clone(), next.drive.envelope, fade)
     }
 }
