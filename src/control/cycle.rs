@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::findings::Findings;
-use super::found::{Found, Reason, finding_of_plan, no_plan_reason};
-use super::guards::{CoilResponses, Limits, MotionGuard, StepGuard};
+use super::found::{Found, Reason, finding_of_plan};
+use super::guards::{MotionGuard, StepGuard};
 use super::params::ControlParams;
 use super::perception::{FramePurpose, Perception};
 use super::planning::{Planning, STALLED_S};
@@ -18,7 +18,7 @@ use super::{CycleFacts, EventFacts, EventKind, EventLevel, RunIo};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Evidence, Finding, Outcome};
 use upm_core::time::PlateTime;
-use upm_core::units::mm_from_m;
+use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 use upm_planning::cor_library::Library;
 use upm_planning::planner::Plan;
 use upm_planning::task::{LateLap, Setpoints, Task};
@@ -32,6 +32,9 @@ const CAUTIOUS_STEP_M: f64 = 2e-3;
 /// it no longer is.
 const SLOW: f64 = 0.7;
 const NOT_SLOW: f64 = 0.75;
+
+/// Largest friction of a part on the plate: of dry metal.
+const MOST_FRICTION: f64 = 0.5;
 
 /// Ending of a run and the state of its parts then.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -59,11 +62,10 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
     };
     let finish = match open(&mut io) {
         Continue((planner, perception)) => {
-            let parts_share = params.parts_mass_kg() / io.model.plate_mass_kg;
             let limits = params.guards.limits(params.parts.len());
             let mut cycle = ControlCycle {
                 planning: Planning::new(params, library, planner, 0.5 * io.model.plate_side_m),
-                coil_responses: CoilResponses::new(library, parts_share, limits.motion),
+                load_mps2: MOST_FRICTION * GRAVITY_MPS2 * params.parts_mass_kg() / io.model.plate_mass_kg,
                 io: &mut io,
                 library,
                 task,
@@ -75,7 +77,7 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
                 furthest: 0.0,
                 index: 0,
                 motion: MotionGuard::default(),
-                steps: StepGuard::new(limits.steps),
+                steps: StepGuard::default(),
                 limits,
                 unconfirmed: 0,
                 is_cautious: false,
@@ -107,10 +109,11 @@ struct ControlCycle<'a, 'io> {
     /// Progress at the last cycle without a pulse that advanced.
     furthest: f64,
     index: u64,
-    coil_responses: CoilResponses,
+    /// Most that the parts' friction changes the plate's acceleration by, m/s².
+    load_mps2: f64,
     motion: MotionGuard,
     steps: StepGuard,
-    limits: Limits,
+    limits: Evidence,
     /// Number of times the goal seemed reached and a second observation contradicted.
     unconfirmed: u32,
     /// True once a tolerable fault of a coil or an accelerometer was found: steps are shorter from then on.
@@ -143,10 +146,8 @@ impl ControlCycle<'_, '_> {
     }
 
     fn evidence(&self) -> Evidence {
-        let Limits { motion: motion_limit, late: late_limit, steps: steps_limit } = self.limits;
         let ((pulses, motion), [steps, steps_missed]) = (self.motion.read, self.steps.compared);
-        let late = self.perception.delay.most;
-        Evidence { pulses, motion, motion_limit, late, late_limit, steps, steps_missed, steps_limit }
+        Evidence { pulses, motion, late: self.perception.delay.most, steps, steps_missed, ..self.limits }
     }
 
     /// One cycle, from an observation at rest to the next, whose positions it returns.
@@ -182,7 +183,7 @@ impl ControlCycle<'_, '_> {
         self.check_limits()?;
         if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has(Finding::NoProgress) {
             let id = |part| self.params.id(part);
-            return Break(self.planning.watch.ending(&wanted, &observed, self.params.method, id));
+            return Break(self.planning.watch.ending(&wanted, &observed, id));
         }
         let planning = self.io.clock.elapsed();
         let plan = self.plan(&observed, &wanted)?;
@@ -244,11 +245,9 @@ impl ControlCycle<'_, '_> {
         let whole = self.planning.states(observed, wanted, |step_m| self.cautious(step_m));
         let Self { planning, findings, io, params, .. } = self;
         planning.plan(self.index, wanted, &whole, |plan, is_part| {
-            if let Some(finding) = finding_of_plan(&plan.status).filter(|_| !is_part) {
-                let reason = || {
-                    let why = no_plan_reason(&plan.status, params.method, |part| params.id(part));
-                    format!("steps are cut short or made one part at a time, because {why}")
-                };
+            let found = finding_of_plan(&plan.status, |part| params.id(part));
+            if let Some((finding, why)) = found.filter(|_| !is_part) {
+                let reason = format!("steps are cut short or made one part at a time, because {why}");
                 findings.note(io.rig.now(), finding, reason, io.sink);
             }
             check_stop(io.stop)
@@ -278,12 +277,14 @@ impl ControlCycle<'_, '_> {
     }
 
     fn warn(&mut self, found: impl Into<Found>, reason: impl Into<Reason>) {
-        self.findings.note(self.io.rig.now(), found, || reason, self.io.sink);
+        self.findings.note(self.io.rig.now(), found, reason, self.io.sink);
     }
 
     /// The end of the run that a finding causes.
     fn end_by(&mut self, found: impl Into<Found>, reason: impl Into<Reason>) -> RunEnd {
-        self.findings.end_by(self.io.rig.now(), found, reason, self.io.sink)
+        let (found, reason) = (found.into(), reason.into());
+        self.warn(found, reason.clone());
+        RunEnd::failed_because(found.finding, reason)
     }
 
     fn check_stop(&self) -> OrEnd {

@@ -2,7 +2,6 @@
 //! it held.
 
 use super::found::{FindingChange, Found, Reason};
-use super::run_end::RunEnd;
 use super::{EventFacts, EventKind, EventLevel, Sink};
 use upm_core::job::{Effect, Finding};
 use upm_core::time::PlateTime;
@@ -32,11 +31,11 @@ struct Active {
 }
 
 impl Active {
-    /// True for a finding of the camera that has ended; while it holds, every frame notes it.
-    fn is_back_in_sight(&self, at: PlateTime) -> bool {
+    /// True for a finding that has not held for a while. One of the camera is noted in every frame while it holds.
+    fn is_over(&self, at: PlateTime, cycle: u64) -> bool {
         let finding = self.found.finding;
         let is_of_sight = finding.effect() == Effect::Waits && finding != Finding::TableMissing;
-        is_of_sight && at - self.last_at > QUIET_S
+        self.last_cycle + QUIET_CYCLES <= cycle || is_of_sight && at - self.last_at > QUIET_S
     }
 }
 
@@ -48,20 +47,13 @@ impl Findings {
 
     /// Notes that `found` holds in the present cycle. If it has just begun, reports it to `sink` with `reason` and
     /// its remedy.
-    pub fn note<R: Into<Reason>>(
-        &mut self,
-        at: PlateTime,
-        found: impl Into<Found>,
-        reason: impl FnOnce() -> R,
-        sink: &mut dyn Sink,
-    ) {
-        let found = found.into();
+    pub fn note(&mut self, at: PlateTime, found: impl Into<Found>, reason: impl Into<Reason>, sink: &mut dyn Sink) {
+        let (found, reason) = (found.into(), reason.into());
         let cycle = self.cycle;
         match self.active.iter_mut().find(|active| active.found == found) {
             Some(active) if active.last_cycle == cycle => active.last_at = at,
             Some(active) => (active.last_at, active.last_cycle, active.times) = (at, cycle, active.times + 1),
             None => {
-                let reason: Reason = reason().into();
                 let text = format!("{reason}; {}", found.finding.check());
                 let kind = EventKind::Finding { found, change: FindingChange::Began, reason: reason.clone() };
                 sink.event(&EventFacts { at, level: EventLevel::Warning, text, kind });
@@ -70,35 +62,22 @@ impl Findings {
         }
     }
 
-    /// Notes `finding`, and gives the end of the run that it causes.
-    pub fn end_by(
-        &mut self,
-        at: PlateTime,
-        found: impl Into<Found>,
-        reason: impl Into<Reason>,
-        sink: &mut dyn Sink,
-    ) -> RunEnd {
-        let (found, reason) = (found.into(), reason.into());
-        self.note(at, found, || reason.clone(), sink);
-        RunEnd::failed_because(found.finding, reason)
-    }
-
     /// Ends the present cycle. Reports to `sink` the findings that have not held for a while as ended.
     pub fn end_cycle(&mut self, at: PlateTime, sink: &mut dyn Sink) {
-        let cycle = self.cycle;
-        let is_over = |active: &Active| active.last_cycle + QUIET_CYCLES <= cycle || active.is_back_in_sight(at);
-        self.end(at, "no longer", sink, is_over);
+        self.end(at, "no longer", sink, Active::is_over);
         self.cycle += 1;
     }
 
     /// Ends the run. Reports to `sink` every finding that held until now as ended.
     pub fn end_run(&mut self, at: PlateTime, sink: &mut dyn Sink) {
-        self.end(at, "no longer", sink, |active| active.is_back_in_sight(at));
-        self.end(at, "until the end", sink, |_| true);
+        self.end(at, "no longer", sink, Active::is_over);
+        self.end(at, "until the end", sink, |_, _, _| true);
     }
 
-    fn end(&mut self, at: PlateTime, until: &str, sink: &mut dyn Sink, is_over: impl Fn(&Active) -> bool) {
-        for Active { found, reason, began_at, last_at, times, .. } in self.active.extract_if(.., |a| is_over(a)) {
+    fn end(&mut self, at: PlateTime, until: &str, sink: &mut dyn Sink, is_over: fn(&Active, PlateTime, u64) -> bool) {
+        let cycle = self.cycle;
+        for active in self.active.extract_if(.., |active| is_over(active, at, cycle)) {
+            let Active { found, reason, began_at, last_at, times, .. } = active;
             let lasted_s = last_at - began_at;
             let cycles = if times == 1 { "cycle" } else { "cycles" };
             let text = format!("{until}: {reason} (in {times} {cycles} over {lasted_s:.1} s)");
@@ -130,7 +109,7 @@ mod tests {
         for cycle in 0..cycles {
             let at = PlateTime::from_secs(f64::from(cycle));
             for found in holds(cycle) {
-                findings.note(at, found, || format!("reason of cycle {cycle}"), &mut recorded);
+                findings.note(at, found, format!("reason of cycle {cycle}"), &mut recorded);
             }
             findings.end_cycle(at, &mut recorded);
         }
@@ -157,7 +136,7 @@ mod tests {
         let (mut findings, mut recorded) = (Findings::default(), RecordedChanges::default());
         let at = |tenths: u32| PlateTime::from_secs(0.1 * f64::from(tenths));
         for tenths in 0..=20 {
-            findings.note(at(tenths), Finding::ViewHidden, || "hidden".to_owned(), &mut recorded);
+            findings.note(at(tenths), Finding::ViewHidden, "hidden".to_owned(), &mut recorded);
         }
         findings.end_cycle(at(22), &mut recorded);
         assert_eq!(recorded.0.len(), 1, "it may come back");

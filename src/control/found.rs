@@ -1,7 +1,7 @@
 use std::fmt;
 
 use upm_core::job::{Finding, RunnerUp};
-use upm_planning::planner::{Limit, PlanStatus, PlanningMethod};
+use upm_planning::planner::{Limit, PlanStatus};
 
 /// A finding of a run that may last over many cycles, and what it is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,34 +47,22 @@ impl fmt::Display for Reason {
     }
 }
 
-/// The finding behind a plan without pulses; `None` for a plan that can be played.
-pub(super) fn finding_of_plan(status: &PlanStatus) -> Option<Finding> {
-    match status {
-        PlanStatus::Solved | PlanStatus::NothingToDo => None,
-        PlanStatus::Infeasible(Limit::Edge { .. }) => Some(Finding::StepsMeetEdge),
-        PlanStatus::Infeasible(Limit::Separation { .. }) => Some(Finding::StepsMeetParts),
-        PlanStatus::Infeasible(Limit::Unreachable) => Some(Finding::StepsUnreachable),
-        PlanStatus::SolverFailed(_) => Some(Finding::SolverFails),
-    }
-}
-
-/// The reason, for people, that a plan has no pulses. `id` names a part.
-pub(super) fn no_plan_reason<'a>(status: &PlanStatus, method: PlanningMethod, id: impl Fn(usize) -> &'a str) -> String {
-    match (status, method) {
-        (PlanStatus::Solved, _) => "it has pulses".into(),
-        (PlanStatus::NothingToDo, _) => "every step is shorter than the shortest pulse".into(),
-        (PlanStatus::Infeasible(Limit::Edge { part }), _) => format!("{} would cross the edge margin", id(*part)),
-        (PlanStatus::Infeasible(Limit::Separation { parts: [a, b] }), _) => {
-            format!("{} and {} would come too close to each other", id(*a), id(*b))
+/// The finding behind a plan without pulses, and its reason for people; `None` for a plan that can be played. `id`
+/// names a part.
+pub(super) fn finding_of_plan<'a>(status: &PlanStatus, id: impl Fn(usize) -> &'a str) -> Option<(Finding, String)> {
+    Some(match status {
+        PlanStatus::Solved | PlanStatus::NothingToDo => return None,
+        PlanStatus::SolverFailed(why) => (Finding::SolverFails, format!("the solver gave up ({why})")),
+        PlanStatus::Infeasible(Limit::Edge { part }) => {
+            (Finding::StepsMeetEdge, format!("{} would cross the edge margin", id(*part)))
         }
-        (PlanStatus::Infeasible(Limit::Unreachable), PlanningMethod::SynthesizedField) => {
-            "no motion was found that brings the parts closer to their places".into()
+        PlanStatus::Infeasible(Limit::Separation { parts: [a, b] }) => {
+            (Finding::StepsMeetParts, format!("{} and {} would come too close to each other", id(*a), id(*b)))
         }
-        (PlanStatus::Infeasible(Limit::Unreachable), PlanningMethod::CorSequence | PlanningMethod::PseudoInverse) => {
-            "no motion of the library moves every part that should move".into()
+        PlanStatus::Infeasible(Limit::Unreachable) => {
+            (Finding::StepsUnreachable, "no motion was found that brings the parts closer to their places".into())
         }
-        (PlanStatus::SolverFailed(why), _) => format!("the solver gave up ({why})"),
-    }
+    })
 }
 
 /// Begin or end of a finding.

@@ -12,7 +12,7 @@ use self::naming::name_parts;
 use self::scene::SceneMonitor;
 use self::settling::{PlateInImage, SWING_S};
 use super::findings::Findings;
-use super::guards::{DelayGuard, Guards, StillnessGuard, UnusableFrame};
+use super::guards::{DelayGuard, Guards, UnusableFrame};
 use super::run_end::{OrEnd, RunEnd, flow};
 use super::{FrameFacts, LocalisedFacts, RunIo, Sink};
 use upm_core::geometry::Vec2;
@@ -87,7 +87,6 @@ pub struct Perception {
     /// Expected place of each part when it is next seen at rest, and the tolerance, m.
     expected_m: Vec<(Vec2, f64)>,
     pub(crate) delay: DelayGuard,
-    stillness: StillnessGuard,
     pub(crate) findings: Findings,
 }
 
@@ -128,8 +127,7 @@ impl Perception {
             off_plate: 0,
             relocated: false,
             expected_m,
-            delay: DelayGuard::new(model.frame_hz, guards.limits(parts.len()).late),
-            stillness: StillnessGuard::default(),
+            delay: DelayGuard::new(model.frame_hz, guards.limits(parts.len()).late_limit),
             findings: Findings::default(),
         })
     }
@@ -221,7 +219,7 @@ impl Perception {
         let for_s = now.secs_since(since);
         if for_s + 1e-9 >= self.blind_after_s {
             self.stop_motors(io.rig);
-            self.findings.note(now, why.finding(), || why.reason(), io.sink);
+            self.findings.note(now, why.finding(), why.reason(), io.sink);
         }
         if for_s > why.longest_s() {
             let reason = format!("{} for {for_s:.1} s", why.reason());
@@ -234,7 +232,13 @@ impl Perception {
         let Some(at_m) = self.scene.foreign_m.filter(|_| self.foreign >= FOREIGN) else { return Continue(()) };
         let at_mm = at_m * 1e3;
         let reason = format!("something that is no part of the job lies at ({:.0}, {:.0}) mm", at_mm.x, at_mm.y);
-        Break(self.findings.end_by(self.frame.exposed_at, Finding::ForeignPart, reason, sink))
+        Break(self.end_by(Finding::ForeignPart, reason, sink))
+    }
+
+    /// The end of the run that a finding in the newest frame causes.
+    fn end_by(&mut self, finding: Finding, reason: String, sink: &mut dyn Sink) -> RunEnd {
+        self.findings.note(self.frame.exposed_at, finding, reason.clone(), sink);
+        RunEnd::failed_because(finding, reason)
     }
 
     /// Ends the current pulse, if any; the plate swings on for a while.

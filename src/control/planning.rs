@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow::{Break, Continue};
 
-use super::found::no_plan_reason;
+use super::found::finding_of_plan;
 use super::gain_estimator::GainEstimator;
 use super::params::ControlParams;
 use super::progress::ProgressWatch;
@@ -71,12 +71,10 @@ impl<'a> Planning<'a> {
         for (steps, is_part) in fallbacks(whole, self.planner.tries_smaller()) {
             let plan = self.planner.plan(&steps, &corridors);
             tried(&plan, is_part)?;
-            match &plan.status {
-                PlanStatus::NothingToDo if is_part => continue,
-                PlanStatus::Solved | PlanStatus::NothingToDo => return Continue(plan),
-                PlanStatus::Infeasible(_) | PlanStatus::SolverFailed(_) => {
-                    stopped_by = no_plan_reason(&plan.status, self.params.method, |part| self.params.id(part));
-                }
+            match finding_of_plan(&plan.status, |part| self.params.id(part)) {
+                None if is_part && plan.status == PlanStatus::NothingToDo => continue,
+                None => return Continue(plan),
+                Some((_, why)) => stopped_by = why,
             }
             self.watch.note(&plan.status);
         }

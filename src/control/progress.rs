@@ -1,10 +1,10 @@
 //! Net progress of a run: a run whose pulses bring no part nearer ends instead of going on to its time limit.
 
-use super::found::no_plan_reason;
+use super::found::finding_of_plan;
 use super::run_end::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
-use upm_planning::planner::{Limit, PlanStatus, PlanningMethod};
+use upm_planning::planner::{Limit, PlanStatus};
 use upm_planning::task::Setpoints;
 
 /// Plans with pulses in which some measure of progress must improve; cycles that continue a sequence do not count.
@@ -19,7 +19,7 @@ const NEAR: f64 = 6.0;
 /// while.
 const DETOUR_CYCLES: u32 = 200;
 /// Parts that one motion brings nearer at a time: where there are more, they take turns.
-const SERVED: u32 = 8;
+pub(super) const SERVED: u32 = 8;
 /// Relative decrease of a distance that counts as an improvement.
 const SHARE: f64 = 0.01;
 /// The same for a single part that is not at its target yet: dense sets advance part by part, some of them back for a
@@ -152,18 +152,12 @@ impl ProgressWatch {
 
     /// The ending of a run without progress: the part that hinders it, its vector to the target, and the limit that
     /// made plans infeasible.
-    pub fn ending<'a>(
-        &self,
-        wanted: &Setpoints,
-        seen_m: &[Vec2],
-        method: PlanningMethod,
-        id: impl Fn(usize) -> &'a str + Copy,
-    ) -> RunEnd {
+    pub fn ending<'a>(&self, wanted: &Setpoints, seen_m: &[Vec2], id: impl Fn(usize) -> &'a str + Copy) -> RunEnd {
         let cycles = if self.futile >= FUTILE_CYCLES { self.futile } else { self.detour };
         let percent = 100.0 * SHARE;
         let blocking_part = self.blocking_part_description(wanted, seen_m, id);
-        let limit = self.limit.map(|limit| no_plan_reason(&PlanStatus::Infeasible(limit), method, id));
-        let limit = limit.map(|limit| format!("; plans were cut short because {limit}")).unwrap_or_default();
+        let limit = self.limit.and_then(|limit| finding_of_plan(&PlanStatus::Infeasible(limit), id));
+        let limit = limit.map(|(_, why)| format!("; plans were cut short because {why}")).unwrap_or_default();
         let reason = format!("no progress: less than {percent:.0} % nearer in {cycles} plans; {blocking_part}{limit}");
         RunEnd::failed_because(Finding::NoProgress, reason)
     }
@@ -349,7 +343,7 @@ mod tests {
         watch.note(&PlanStatus::Infeasible(Limit::Edge { part: 1 }));
         let ended = (0..FUTILE_CYCLES).filter(|_| watch.observe(&wanted, &seen_m, true)).count();
         assert_eq!(ended, 1, "in the last cycle");
-        let ending = watch.ending(&wanted, &seen_m, PlanningMethod::CorSequence, |part| ["a", "b"][part]);
+        let ending = watch.ending(&wanted, &seen_m, |part| ["a", "b"][part]);
         assert_eq!(ending.cause, Some(Finding::NoProgress.into()));
         let parts =
             ["less than 1 % nearer in 20 plans", "b is 3.00 mm", "towards 90 deg", "b would cross the edge margin"];

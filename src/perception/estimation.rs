@@ -15,9 +15,7 @@ mod window;
 mod plate_tests;
 
 pub use gains::{ChannelCheck, check_channels, relative_gains};
-pub use judgement::{
-    BEARABLE_GAINS, ChannelFault, ExpectedMotion, Mismatch, MotionJudgement, MotionVerdict, RunnerUp, judge,
-};
+pub use judgement::{BEARABLE_GAINS, ExpectedMotion, MotionJudgement, MotionVerdict, judge};
 pub use pump::{force_sign, nearest_pump};
 pub use rigid::twist_from_corners;
 pub use spectrum::{OscillatorFit, amplitude_spectrum, axis_lines, fit_oscillator};

@@ -223,7 +223,7 @@ def report_healthy(verdicts, wall_s):
 def print_tails(evidence):
     """Tails of the evidence of healthy runs, exponential in their largest tenth, and the false alarms that follow from them.
 
-    A value `once + per_nat n` is exceeded in one pulse of `e^n`: the figures of `control/guards/limits.rs`.
+    A value `once + per_nat n` is exceeded in one pulse of `e^n`: the figures of `control/guards.rs`.
     """
     pulses, rows = sum(run["pulses"] for run in evidence), []
     for kind in ("motion", "late"):

@@ -5,15 +5,15 @@ use std::ops::ControlFlow::{Break, Continue};
 use super::ControlCycle;
 use crate::found::Found;
 use crate::gain_estimator::{ForecastDeviation, MORE};
-use crate::guards::{MotionFinding, PictureLag, PlateSwing, PulseOutcome, PulseReading, SwingVerdict, went};
+use crate::guards::{MotionFinding, NEVER, PlateSwing, PulseOutcome, Sight, SwingVerdict, went};
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Finding, StopCause};
-use upm_core::signal::{AccelTrace, Drive, TwistWave};
-use upm_perception::estimation::{AccelerometerPair, FitFault, PlateFit, fit_twist, fit_wave};
-use upm_planning::cor_library::Library;
+use upm_core::signal::{AccelTrace, Drive};
+use upm_perception::estimation::{AccelerometerPair, ExpectedMotion, FitFault, PlateFit, fit_twist, fit_wave, judge};
+use upm_planning::cor_library::{CoilResponse, Library};
 use upm_planning::planner::{PartState, PlannedPulse};
 
 impl ControlCycle<'_, '_> {
@@ -28,8 +28,8 @@ impl ControlCycle<'_, '_> {
         let (all_seen, before_m) = (self.perception.frames_missing() == 0, self.perception.positions_m());
         let ahead = self.forecasts(&before_m, planned);
         let forecast_m = ahead.as_ref().map(|[_, learned_m, _]| learned_m.as_slice());
-        let expected = self.coil_responses.expected(planned, &drive);
-        let swing = expected.map(|expected| self.swing_of(expected.wave(), &drive));
+        let coils = planned.coils(self.library);
+        let swing = coils.as_ref().map(|coils| self.swing_of(&self.expected(&drive, coils)));
         self.perception.expect_pulse(started_at, forecast_m, swing);
         flow(self.io.rig.play(&drive))?;
         let followed = self.follow(purpose);
@@ -54,8 +54,7 @@ impl ControlCycle<'_, '_> {
         if let Break(ending) = followed {
             // a plate that did not move as planned explains parts at unexpected places
             let is_doubt = ending.cause == Some(StopCause::Found(Finding::PartsJumped));
-            let reading = self.reading(fit, &sensors, None);
-            let cause = if is_doubt { self.check_motion(planned, drive, &reading).break_value() } else { None };
+            let cause = if is_doubt { self.check_motion(drive, coils.as_ref(), fit, None).break_value() } else { None };
             return Break(cause.unwrap_or(ending));
         }
         if let Some((seen, with_more_m)) = positions.as_ref().zip(with_more_m.as_ref()) {
@@ -65,7 +64,7 @@ impl ControlCycle<'_, '_> {
         if self.perception.motors_stopped {
             return Continue(());
         }
-        self.doubt(&facts, &sensors)
+        self.doubt(&facts, coils.as_ref())
     }
 
     /// Tracks the parts until a frame shows everything at rest.
@@ -86,42 +85,46 @@ impl ControlCycle<'_, '_> {
 
     /// Compares a pulse with its plan: the plate's motion, the parts' steps, the pictures' timing. Steps are there
     /// where all parts were seen.
-    fn doubt(&mut self, facts: &PulseFacts, sensors: &AccelerometerPair) -> OrEnd {
-        let PulseFacts { planned, drive, fit, positions, .. } = facts;
-        let steps = positions.as_ref();
-        let went = steps.and_then(|steps| went(&steps.before_m, &steps.by_learning_m, &steps.after_m));
-        let is_as_planned = self.check_motion(planned, drive, &self.reading(fit, sensors, went))?;
+    fn doubt(&mut self, facts: &PulseFacts, coils: Option<&CoilResponse>) -> OrEnd {
+        let PulseFacts { drive, fit, positions, .. } = facts;
+        let went = positions.as_ref().and_then(went);
+        let is_as_planned = self.check_motion(drive, coils, fit, went)?;
         self.check_picture_delay(is_as_planned)?;
-        let found = steps.and_then(|s| self.steps.check(&s.before_m, &s.by_learning_m, &s.after_m));
+        let found = positions.as_ref().and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
         let Some((part, finding)) = found.filter(|(_, finding)| self.params.guards.has(*finding)) else {
             return Continue(());
         };
         let does = if finding == Finding::PartStuck { "hardly moves" } else { "goes the other way" };
-        let (id, pulses) = (self.params.id(part), self.limits.steps);
+        let (id, pulses) = (self.params.id(part), self.limits.steps_limit);
         let reason = format!("{id} {does} although {pulses} pulses in a row should carry it");
         Break(self.end_by(Found::about(finding, part), reason))
     }
 
     /// Compares the plate's motion in a pulse with its plan; true where it moved as planned.
-    fn check_motion(&mut self, planned: &PlannedPulse, drive: &Drive, reading: &PulseReading<'_>) -> OrEnd<bool> {
-        let expected = self.coil_responses.expected(planned, drive);
-        let found = expected.and_then(|expected| self.motion.check(&expected, reading));
+    fn check_motion(
+        &mut self,
+        drive: &Drive,
+        coils: Option<&CoilResponse>,
+        fit: &Result<PlateFit, FitFault>,
+        went: Option<PulseOutcome>,
+    ) -> OrEnd<bool> {
+        let judged = coils.map(|coils| judge(&self.expected(drive, coils), fit.as_ref(), &self.sensors()));
+        let sight = self.sight(went);
+        let found = judged.and_then(|judged| self.motion.check(&judged, sight));
         self.report(found)
     }
 
-    /// Readings of accelerometers and camera for one pulse.
-    pub(super) fn reading<'a>(
-        &self,
-        fit: &'a Result<PlateFit, FitFault>,
-        sensors: &'a AccelerometerPair,
-        went: Option<PulseOutcome>,
-    ) -> PulseReading<'a> {
-        let (went, swing) = if self.perception.relocated {
-            (None, SwingVerdict::Unclear)
-        } else {
-            (went, self.perception.delay.swing_seen())
-        };
-        PulseReading { fit, sensors, went, swing }
+    /// The expected motion of a pulse.
+    pub(super) fn expected<'a>(&self, drive: &'a Drive, coils: &'a CoilResponse) -> ExpectedMotion<'a> {
+        ExpectedMotion { drive, coils, load_mps2: self.load_mps2, limit: self.limits.motion_limit }
+    }
+
+    /// A pulse as the camera saw it, in which most parts went this way.
+    pub(super) fn sight(&self, went: Option<PulseOutcome>) -> Sight {
+        if self.perception.relocated {
+            return (None, SwingVerdict::Unclear);
+        }
+        (went, self.perception.delay.swing_seen())
     }
 
     /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved about as planned.
@@ -147,10 +150,8 @@ impl ControlCycle<'_, '_> {
         let late = if is_as_planned { self.perception.delay.end() } else { None };
         let Some(late) = late.filter(|_| self.params.guards.has(Finding::CameraLate)) else { return Continue(()) };
         let reason = match late {
-            PictureLag::By(frames) => {
-                format!("the plate moves {frames} frames later in the pictures than it is driven")
-            }
-            PictureLag::Unseen => "the pictures do not show the plate move as it is driven".to_owned(),
+            NEVER => "the pictures do not show the plate move as it is driven".to_owned(),
+            frames => format!("the plate moves {frames} frames later in the pictures than it is driven"),
         };
         Break(self.end_by(Finding::CameraLate, reason))
     }
@@ -159,11 +160,11 @@ impl ControlCycle<'_, '_> {
         AccelerometerPair { position_m: self.io.model.accelerometer_in_plate_m, gain: self.library.accelerometer_gain }
     }
 
-    /// Expected swing of the plate in a pulse with this velocity at full height.
-    pub(super) fn swing_of(&self, wave: TwistWave, drive: &Drive) -> PlateSwing {
+    /// Expected swing of the plate in a pulse.
+    pub(super) fn swing_of(&self, expected: &ExpectedMotion<'_>) -> PlateSwing {
         PlateSwing {
-            wave,
-            envelope: drive.envelope,
+            wave: expected.wave(),
+            envelope: expected.drive.envelope,
             half_side_m: 0.5 * self.io.model.plate_side_m,
             px_per_m: self.perception.table.mean_px_per_m(),
         }

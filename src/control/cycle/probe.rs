@@ -5,12 +5,12 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use super::ControlCycle;
 use crate::PulseFacts;
-use crate::guards::{CoilResponses, MotionFinding};
+use crate::guards::MotionFinding;
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, flow, is_stopped};
 use upm_core::job::Finding;
 use upm_core::signal::Follows;
-use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave};
+use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave, judge};
 use upm_planning::planner::{FieldPulse, PlannedPulse};
 
 /// Largest number of probes in a row until one is tracked to its end.
@@ -21,8 +21,7 @@ impl ControlCycle<'_, '_> {
     pub(super) fn probe(&mut self) -> OrEnd {
         let Some((mut drive, coils)) = self.library.probe() else { return Continue(()) };
         drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.io.model.max_sustain_s);
-        let CoilResponses { load_mps2, limit, .. } = self.coil_responses;
-        let expected = ExpectedMotion { drive: &drive, coils: &coils, load_mps2, limit };
+        let expected = self.expected(&drive, &coils);
         for _ in 0..MOST_PROBES {
             let fit = self.play_probe(&expected)?;
             if !self.perception.invalidates_plan() {
@@ -46,7 +45,7 @@ impl ControlCycle<'_, '_> {
             sustain_s: drive.envelope.sustain_s,
         });
         let (started_at, before_m) = (self.io.rig.now(), self.perception.positions_m());
-        self.perception.expect_pulse(started_at, Some(&before_m), Some(self.swing_of(expected.wave(), drive)));
+        self.perception.expect_pulse(started_at, Some(&before_m), Some(self.swing_of(expected)));
         flow(self.io.rig.play(drive))?;
         let followed = self.follow(FramePurpose::Pulse);
         let trace = self.io.rig.trace();
@@ -68,8 +67,8 @@ impl ControlCycle<'_, '_> {
     }
 
     fn read_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Option<MotionFinding> {
-        let sensors = self.sensors();
-        self.motion.check(expected, &self.reading(fit, &sensors, None))
+        let judged = judge(expected, fit.as_ref(), &self.sensors());
+        self.motion.check(&judged, self.sight(None))
     }
 
     fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> OrEnd {

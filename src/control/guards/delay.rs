@@ -1,28 +1,27 @@
 use std::collections::VecDeque;
 
-use upm_core::geometry::{Twist, Vec2, perp};
+use nalgebra::{Complex, DVector, Vector3};
+
+use super::{GROSS, SLIGHT};
+use upm_core::phasor::polar;
 use upm_core::signal::{Envelope, TwistWave};
 use upm_perception::estimation::BEARABLE_GAINS;
 
-/// Longest delay considered, frames.
+/// Longest delay considered, frames, and the one that stands for pictures that contradict the drive at every delay.
 const LONGEST: usize = 30;
+pub const NEVER: usize = LONGEST + 1;
 /// Delay from which on pictures are late, frames: exposure and transfer take up to one.
 pub(super) const LATE: usize = 2;
-/// Largest number of frames judged in a pulse: the longest pulse has fewer.
-const WINDOW: usize = 64;
+/// Frames that are kept: the longest pulse has fewer than 64.
+const KEPT: usize = 64 + LONGEST;
 /// Larger displacements are clamped to this, px: the sides are followed no farther.
 const FARTHEST_PX: f64 = 6.0;
 /// Standard deviation of a corner's displacement by the picture's noise, px.
-const NOISE_PX: f64 = 0.05;
+pub(super) const NOISE_PX: f64 = 0.05;
 /// Standard deviation of the swing that calibration predicts, as a share of its root mean square, until a run shows it.
 const MODEL_ERROR: f64 = 0.1;
 /// Log-likelihood ratio of one pulse that casts doubt: one in a hundred.
 const DOUBTFUL: f64 = 4.6;
-/// Largest residual, as a share of the squares, of frames that show the planned swing: a swing larger by a fifth leaves
-/// this much.
-const AS_DRIVEN: f64 = 0.04;
-/// Residual from which on they show another swing: one larger or smaller by half leaves this much.
-const OTHERWISE: f64 = 0.25;
 
 /// Measures the delay of the pictures from the displacement of the plate's corners in each frame: a sequential test of
 /// the planned swing, shown in time, against the same swing shown later or not at all.
@@ -32,28 +31,18 @@ pub struct DelayGuard {
     limit: f64,
     /// Most evidence so far for any delay, or for another motion than the drive's.
     pub most: f64,
-    /// The last frames, oldest first; frames that never arrived keep their place.
-    frames: VecDeque<CornerDisplacement>,
+    /// Displacement of the corners seen and expected in the last frames, px, newest first; frames that never arrived
+    /// keep their place.
+    frames: VecDeque<(Option<f64>, f64)>,
     /// Number of the newest frame.
     newest: u64,
-    /// The last two pulses with the time of their beginning, s of plate time.
+    /// The last two pulses with the time of their beginning, s of plate time, newest first.
     pulses: VecDeque<(f64, PlateSwing)>,
     /// For each delay the evidence for it, a log-likelihood ratio that does not fall below zero (CUSUM; Page,
     /// Biometrika 41, 1954). The first two entries, pictures in time, stay zero.
-    late: [f64; LONGEST + 1],
-    /// The same for pictures that show another motion than the drive's.
-    unseen: f64,
+    late: [f64; NEVER + 1],
     /// Sum over pulses of the share of the swing's squares that the best explanation left, and their number.
     unexplained: (f64, f64),
-}
-
-/// Lag of the pictures behind the drive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PictureLag {
-    /// By this number of frames.
-    By(usize),
-    /// The pictures contradict the drive, and no delay explains them.
-    Unseen,
 }
 
 /// The planned swing of a pulse as its frames show it.
@@ -65,33 +54,6 @@ pub enum SwingVerdict {
     Otherwise,
     /// Too small to judge.
     Unclear,
-}
-
-/// Displacement of the corners in one frame, px.
-#[derive(Clone, Copy, Debug)]
-struct CornerDisplacement {
-    seen: Option<f64>,
-    expected: f64,
-}
-
-/// Difference between frames and an explanation of them.
-#[derive(Clone, Copy, Debug)]
-struct Residual {
-    /// Number of frames.
-    count: f64,
-    /// Sum of squares, px².
-    px2: f64,
-}
-
-impl Residual {
-    /// Log-likelihood ratio of an explanation that leaves `other` to the one that leaves this, of unknown variance;
-    /// noise and model leave `usual_px2` on average. Two predictions that are less `apart_px2` than the pictures are
-    /// from both cannot be told apart: errors of the model are the same in every pulse of one shape.
-    fn evidence_for(self, other: Self, usual_px2: f64, apart_px2: f64) -> f64 {
-        let [this_px2, other_px2] = [self.px2, other.px2].map(|px2| px2 + usual_px2);
-        let is_told = apart_px2 > this_px2.min(other_px2);
-        if is_told { 0.5 * self.count * libm::log(this_px2 / other_px2) } else { 0.0 }
-    }
 }
 
 /// Planned swing of the plate in a pulse.
@@ -115,47 +77,37 @@ impl DelayGuard {
 
     /// A pulse begins at `at_s` of plate time; the plate should swing as `swing`.
     pub fn begin(&mut self, at_s: f64, swing: PlateSwing) {
-        if self.pulses.len() == 2 {
-            self.pulses.pop_front();
-        }
-        self.pulses.push_back((at_s, swing));
+        self.pulses.truncate(1);
+        self.pulses.push_front((at_s, swing));
     }
 
     /// A frame exposed at `at_s` of plate time that shows the plate's corners up to `corner_px` from their places;
     /// `None` where that is not visible.
     pub fn frame(&mut self, at_s: f64, corner_px: Option<f64>) {
         let number = (at_s / self.frame_s).round() as u64;
-        let missed = number.saturating_sub(self.newest).saturating_sub(1).min((WINDOW + LONGEST) as u64);
-        for number in number - missed.min(number)..number {
-            self.push(number as f64 * self.frame_s, None);
+        let missed = number.saturating_sub(self.newest + 1).min(KEPT as u64);
+        for before in (0..=missed).rev() {
+            self.frames.truncate(KEPT - 1);
+            let seen = corner_px.filter(|_| before == 0).map(|px| px.min(FARTHEST_PX));
+            self.frames.push_front((seen, self.expected_px(at_s - before as f64 * self.frame_s)));
         }
-        self.push(at_s, corner_px.map(|px| px.min(FARTHEST_PX)));
         self.newest = number;
-    }
-
-    fn push(&mut self, at_s: f64, seen: Option<f64>) {
-        let expected = self.expected_px(at_s);
-        if self.frames.len() == WINDOW + LONGEST {
-            self.frames.pop_front();
-        }
-        self.frames.push_back(CornerDisplacement { seen, expected });
     }
 
     /// Discards the observed displacements because the corners' places were wrong until now.
     pub fn forget_seen(&mut self) {
-        self.frames.iter_mut().for_each(|frame| frame.seen = None);
+        self.frames.iter_mut().for_each(|(seen, _)| *seen = None);
     }
 
     /// Expected displacement of the plate's corners at `at_s` of plate time, px.
     pub fn expected_px(&self, at_s: f64) -> f64 {
-        let pulse = self.pulses.iter().rev().find(|(begin_s, _)| *begin_s <= at_s);
+        let pulse = self.pulses.iter().find(|(begin_s, _)| *begin_s <= at_s);
         pulse.map_or(0.0, |(begin_s, swing)| swing.corner_px(at_s - begin_s))
     }
 
     /// True while the frames of the newest pulse appear late: they may show a plate at rest as still swinging.
     pub fn looks_late(&self) -> bool {
-        let in_time = self.in_time();
-        (LATE..=LONGEST).any(|delay| self.evidence(in_time, delay) > DOUBTFUL)
+        self.weighed().0[..NEVER].iter().any(|evidence| *evidence > DOUBTFUL)
     }
 
     /// Verdict on the planned swing in the frames since the newest pulse began.
@@ -163,105 +115,79 @@ impl DelayGuard {
         let counted = || self.seen().filter(|(_, _, expected)| *expected < FARTHEST_PX);
         let expected: f64 = counted().map(|(_, _, expected)| expected * expected).sum();
         let left: f64 = counted().map(|(_, seen, expected)| (seen - expected).powi(2)).sum();
+        let is_clear = shows_height(expected, counted().count());
         match left / expected {
-            _ if !shows_height(expected, counted().count()) => SwingVerdict::Unclear,
-            share if share < AS_DRIVEN => SwingVerdict::AsDriven,
-            share if share > OTHERWISE => SwingVerdict::Otherwise,
+            share if is_clear && share < SLIGHT * SLIGHT => SwingVerdict::AsDriven,
+            share if is_clear && share > GROSS * GROSS => SwingVerdict::Otherwise,
             _ => SwingVerdict::Unclear,
         }
     }
 
-    /// Ends a pulse. Returns the delay of the frames once it is certain.
-    pub fn end(&mut self) -> Option<PictureLag> {
-        let in_time = self.in_time();
-        for delay in LATE..=LONGEST {
-            self.late[delay] = (self.late[delay] + self.evidence(in_time, delay)).max(0.0);
-        }
-        let swing_px2 = self.seen().map(|(i, ..)| self.expected(i, 0).powi(2)).sum();
-        let of_rest = in_time.evidence_for(self.residual(|_| 0.0), self.usual_px2(), swing_px2);
-        self.unseen = (self.unseen + of_rest).max(0.0);
-        if shows_height(swing_px2, self.seen().count()) {
-            let late = (LATE..=LONGEST).map(|delay| self.left(delay as isize).px2);
-            let best_px2 = late.fold(in_time.px2, f64::min);
-            let (sum, pulses) = self.unexplained;
-            self.unexplained = (sum + (best_px2 / swing_px2).min(1.0), pulses + 1.0);
+    /// Ends a pulse. Returns the delay of the pictures, frames, once it is certain.
+    pub fn end(&mut self) -> Option<usize> {
+        let (evidence, unexplained) = self.weighed();
+        self.late.iter_mut().zip(evidence).for_each(|(sum, evidence)| *sum = (*sum + evidence).max(0.0));
+        if let Some(share) = unexplained {
+            self.unexplained = (self.unexplained.0 + share, self.unexplained.1 + 1.0);
         }
         let most = self.late.iter().copied().fold(0.0, f64::max);
-        self.most = self.most.max(most).max(self.unseen);
-        if most < self.limit {
-            return (self.unseen >= self.limit).then_some(PictureLag::Unseen);
-        }
+        self.most = self.most.max(most);
         // equal pulses at equal intervals are explained by a delay and by that delay plus one interval
-        let alike = |delay: usize| self.late.get(delay).is_some_and(|evidence| *evidence >= most - DOUBTFUL);
-        let shortest = (LATE..=LONGEST).find(|delay| alike(*delay)).unwrap_or(LONGEST);
+        let is_alike = |delay: usize| self.late.get(delay).is_some_and(|evidence| *evidence >= most - DOUBTFUL);
+        let shortest = (LATE..=NEVER).find(|delay| is_alike(*delay)).filter(|_| most >= self.limit)?;
         // pictures of rest are explained by every delay from the pulse's length on
-        Some(if alike(shortest + 1) { PictureLag::Unseen } else { PictureLag::By(shortest) })
+        Some(if is_alike(shortest + 1) { NEVER } else { shortest })
     }
 
-    /// Frames of the newest pulse: index, displacement seen and expected, px.
+    /// Frames of the newest pulse: age, displacement seen and expected, px.
     fn seen(&self) -> impl Iterator<Item = (usize, f64, f64)> {
-        let begin_s = self.pulses.back().map_or(f64::INFINITY, |(begin_s, _)| *begin_s);
-        let of_pulse = move |(i, frame): (usize, &CornerDisplacement)| {
-            let age = (self.frames.len() - 1 - i) as f64;
-            ((self.newest as f64 - age) * self.frame_s >= begin_s).then_some((i, frame.seen?, frame.expected))
+        let begin_s = self.pulses.front().map_or(f64::INFINITY, |(begin_s, _)| *begin_s);
+        let of_pulse = move |(age, (seen, expected)): (usize, &(Option<f64>, f64))| {
+            ((self.newest as f64 - age as f64) * self.frame_s >= begin_s).then_some((age, (*seen)?, *expected))
         };
         self.frames.iter().enumerate().filter_map(of_pulse)
     }
 
-    /// Residual of pictures in time: up to a frame early, as a model that lags behind the plate lets them look, or
-    /// late.
-    fn in_time(&self) -> Residual {
-        let [early, exact, next] = [-1, 0, 1].map(|delay| self.left(delay));
-        [early, next].into_iter().fold(exact, |best, other| if other.px2 < best.px2 { other } else { best })
-    }
-
-    /// Evidence of the newest pulse for pictures that are `delay` frames late, against pictures in time.
-    fn evidence(&self, in_time: Residual, delay: usize) -> f64 {
-        let delay = delay as isize;
-        let apart_px2 = self.seen().map(|(i, ..)| (self.expected(i, delay) - self.expected(i, 0)).powi(2)).sum();
-        in_time.evidence_for(self.left(delay), self.usual_px2(), apart_px2)
-    }
-
-    /// Sum of squares that noise and errors of the model usually leave of the newest pulse, px². Those errors are alike
-    /// in all its frames, and as large as earlier pulses showed them.
-    fn usual_px2(&self) -> f64 {
-        let (unexplained, pulses) = self.unexplained;
-        let share = (MODEL_ERROR * MODEL_ERROR + unexplained) / (1.0 + pulses);
-        self.seen().map(|(i, ..)| NOISE_PX * NOISE_PX + share * self.expected(i, 0).powi(2)).sum()
-    }
-
-    /// Residual of pictures that show the plan `delay` frames later.
-    fn left(&self, delay: isize) -> Residual {
-        self.residual(|i| self.expected(i, delay))
-    }
-
-    /// Displacement that frame `i` should show if pictures are `delay` frames late, px.
-    fn expected(&self, i: usize, delay: isize) -> f64 {
-        i.checked_add_signed(-delay).and_then(|i| self.frames.get(i)).map_or(0.0, |frame| frame.expected)
-    }
-
-    /// Residual of the newest pulse's frames against the displacements `expected_px`, at the gain that fits best.
-    fn residual(&self, expected_px: impl Fn(usize) -> f64) -> Residual {
-        let (mut count, mut seen_sq, mut product, mut expected_sq) = (0.0, 0.0, 0.0, 0.0);
-        for (i, seen, _) in self.seen() {
-            let expected = expected_px(i);
-            count += 1.0;
-            seen_sq += seen * seen;
-            product += seen * expected;
-            expected_sq += expected * expected;
-        }
-        // a weak coil changes the swing's height, not its time
-        let (least, most) = (*BEARABLE_GAINS.start(), *BEARABLE_GAINS.end());
-        let gain = (product / f64::max(expected_sq, f64::MIN_POSITIVE)).clamp(least, most);
-        let left = (seen_sq - 2.0 * gain * product + gain * gain * expected_sq).max(0.0);
-        Residual { count, px2: left }
+    /// Evidence of the newest pulse for each delay: the log-likelihood ratio to pictures in time, of unknown variance.
+    /// Beside it the share of the swing's squares that the best explanation leaves; `None` for a swing too small to
+    /// tell.
+    fn weighed(&self) -> ([f64; NEVER + 1], Option<f64>) {
+        let frames: Vec<usize> = self.seen().map(|(age, ..)| age).collect();
+        let seen = DVector::from_iterator(frames.len(), self.seen().map(|(_, seen, _)| seen));
+        let shown = |delay: isize| {
+            let expected = |age: usize| self.frames.get(age.checked_add_signed(delay)?).map(|(_, expected)| *expected);
+            DVector::from_iterator(frames.len(), frames.iter().map(|age| expected(*age).unwrap_or(0.0)))
+        };
+        let left_px2 = |shown: &DVector<f64>| {
+            // a weak coil changes the swing's height, not its time
+            let gain = seen.dot(shown) / shown.norm_squared().max(f64::MIN_POSITIVE);
+            (&seen - shown * gain.clamp(*BEARABLE_GAINS.start(), *BEARABLE_GAINS.end())).norm_squared()
+        };
+        // up to a frame early, as a model that lags behind the plate lets them look, or late
+        let in_time_px2 = (-1..LATE as isize).map(|delay| left_px2(&shown(delay))).fold(f64::INFINITY, f64::min);
+        let late: [_; NEVER + 1] =
+            std::array::from_fn(|delay| if delay < NEVER { shown(delay as isize) } else { shown(0) * 0.0 });
+        // errors of the model are alike in all frames of a pulse, and as large as earlier pulses showed them
+        let (count, swing_px2) = (frames.len() as f64, late[0].norm_squared());
+        let share = (MODEL_ERROR * MODEL_ERROR + self.unexplained.0) / (1.0 + self.unexplained.1);
+        let usual_px2 = count * NOISE_PX * NOISE_PX + share * swing_px2;
+        let left: [f64; NEVER + 1] = late.each_ref().map(left_px2);
+        let evidence = std::array::from_fn(|delay| {
+            let [in_time_px2, late_px2] = [in_time_px2, left[delay]].map(|px2| px2 + usual_px2);
+            // predictions less apart than the pictures are from both cannot be told apart: errors of the model are the
+            // same in every pulse of one shape
+            let is_told = delay >= LATE && (&late[delay] - &late[0]).norm_squared() > in_time_px2.min(late_px2);
+            if is_told { 0.5 * count * libm::log(in_time_px2 / late_px2) } else { 0.0 }
+        });
+        let best_px2 = left[LATE..NEVER].iter().copied().fold(in_time_px2, f64::min);
+        (evidence, shows_height(swing_px2, frames.len()).then(|| (best_px2 / swing_px2).min(1.0)))
     }
 }
 
 /// True for a swing whose height this number of frames shows: noise alone leaves less of its squares than a swing as
 /// planned may.
 fn shows_height(swing_px2: f64, frames: usize) -> bool {
-    frames as f64 * NOISE_PX * NOISE_PX < AS_DRIVEN * swing_px2
+    frames as f64 * NOISE_PX * NOISE_PX < SLIGHT * SLIGHT * swing_px2
 }
 
 impl PlateSwing {
@@ -269,22 +195,17 @@ impl PlateSwing {
     /// wave times the envelope's height, whose integral by parts has the envelope's slope and curvature, too: on the
     /// flanks they are as large as its height.
     fn corner_px(&self, t_s: f64) -> f64 {
-        let height = self.envelope.at(t_s);
-        if height == 0.0 {
-            return 0.0;
-        }
-        let (slope, curvature) = (self.envelope.slope(t_s), self.envelope.curvature(t_s));
-        let place = (1..).zip(&self.wave.harmonics).fold(Twist::ZERO, |place, (k, harmonic)| {
+        let (height, slope) = (self.envelope.at(t_s), self.envelope.slope(t_s));
+        let curvature = self.envelope.curvature(t_s);
+        let displaced = (1..).zip(&self.wave.harmonics).map(|(k, harmonic)| {
             let rate = f64::from(k) * self.wave.base_radps;
-            let (sin, cos) = libm::sincos(rate * t_s);
-            let (velocity, integral) =
-                (harmonic.cos * cos + harmonic.sin * sin, harmonic.cos * sin + harmonic.sin * -cos);
-            place + integral * ((height - curvature / (rate * rate)) / rate) + velocity * (slope / (rate * rate))
+            let integral = Complex::new(slope / rate, curvature / (rate * rate) - height) / rate;
+            harmonic.phasor().map(|velocity| (velocity * integral * polar(1.0, rate * t_s)).re)
         });
-        let corners =
-            [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(x, y)| Vec2::new(x, y) * self.half_side_m);
-        let displaced = corners.map(|corner| (place.velocity_mps + perp(corner) * place.spin_radps).norm());
-        (self.px_per_m * displaced.into_iter().fold(0.0, f64::max)).min(FARTHEST_PX)
+        let place: Vector3<f64> = displaced.sum();
+        let (x_m, y_m, turn_m) = (place.x.abs(), place.y.abs(), place.z.abs() * self.half_side_m);
+        // of the corner that the turn carries the way of the shift
+        (self.px_per_m * libm::hypot(x_m + turn_m, y_m + turn_m)).min(FARTHEST_PX)
     }
 }
 

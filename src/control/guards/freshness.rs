@@ -1,20 +1,18 @@
-use super::delay::LATE;
+use std::collections::VecDeque;
+
+use super::delay::{LATE, NOISE_PX};
 use upm_core::signal::{Frame, MeasuredPositions};
 use upm_core::time::PlateTime;
 
 /// Number of bands of a frame that are checked separately: one of them may freeze while the others go on.
 const BANDS: usize = 4;
-/// One row in this many is hashed.
+/// One row in this many is compared.
 const ROW_STEP: usize = 8;
-/// Number of hashes computed side by side.
-const LANES: usize = 4;
 /// Number of pictures remembered: a camera may repeat the same few in turn.
 const REMEMBERED: usize = 8;
 
-/// Number of frames in a row, after the first, that show the plate at exactly the same place.
-const STILL_FRAMES: u32 = 3;
-/// Difference between the displacements the plate should have in them, px.
-const SWING_PX: f64 = 0.3;
+/// Difference of displacements that noise does not explain, px.
+const SWING_PX: f64 = 6.0 * NOISE_PX;
 
 /// Reason for which a frame is unusable.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,11 +20,8 @@ pub enum UnusableFrame {
     /// The frame, or part of it, repeats one of the last pictures. Read noise makes every picture of a working camera
     /// unique.
     Repeated,
-    /// Its number or its time stamp does not fit the present.
-    Stamp {
-        /// Age of the time stamp, s; negative for one in the future.
-        older_s: f64,
-    },
+    /// Its number or its time stamp does not fit the present: the stamp is this old, s; negative for one in the future.
+    Stamp(f64),
     /// The frame shows no plate.
     Dark,
     /// Something hides part of the plate.
@@ -39,17 +34,16 @@ pub struct Freshness {
     frame_s: f64,
     exposure_s: f64,
     last: Option<(u64, PlateTime)>,
-    /// For each band the hashes of its last pictures; `None` where all pixels were equal.
-    seen: [Vec<Option<u64>>; BANDS],
-    /// Bands with visible noise: they differed in the first two frames, which show the same scene, or as a whole later.
-    noisy: [bool; BANDS],
-    /// The row in the middle of each band in the last frame.
-    middle: [Vec<u8>; BANDS],
+    /// For each band its last pictures, and whether noise is visible in it: they differed in the first two frames,
+    /// which show the same scene, or as a whole later.
+    bands: [(VecDeque<Vec<u8>>, bool); BANDS],
     /// Positions in the last frame, where it had them in place of pixels.
     positions: Option<MeasuredPositions>,
     /// True once a frame has differed from the first.
     pub changed: bool,
-    frames: u64,
+    /// Displacement of the corners that the last frames show exactly, px, and the least and the largest that the plate
+    /// should have in them.
+    still: (Option<f64>, [f64; 2]),
 }
 
 impl Freshness {
@@ -58,14 +52,16 @@ impl Freshness {
         Self { frame_s: frame_hz.recip(), exposure_s, ..Self::default() }
     }
 
-    /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present.
-    pub fn check(&mut self, frame: &Frame, now: PlateTime) -> Option<UnusableFrame> {
+    /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present. `swing_px` is the largest
+    /// displacement of a corner that it shows, and the one that the plate should have.
+    pub fn check(&mut self, frame: &Frame, now: PlateTime, swing_px: (Option<f64>, f64)) -> Option<UnusableFrame> {
         let before = self.last.replace((frame.index, frame.exposed_at));
         let older_s = now - frame.exposed_at;
         let is_next = before.is_none_or(|(index, at)| frame.index > index && frame.exposed_at > at);
         // the transfer of a picture that is not late yet, and the frame in which it is taken
         let oldest_s = (LATE + 1) as f64 * self.frame_s + self.exposure_s;
         let in_time = (-self.frame_s..=oldest_s).contains(&older_s);
+        let stands_still = self.stands_still(swing_px);
         let repeated = match &frame.positions {
             Some(positions) => {
                 // noise makes all positions unique
@@ -76,87 +72,46 @@ impl Freshness {
             }
             None => self.check_picture(frame),
         };
-        let stamp = (!is_next || !in_time).then_some(UnusableFrame::Stamp { older_s });
-        stamp.or(repeated.then_some(UnusableFrame::Repeated))
+        let stamp = (!is_next || !in_time).then_some(UnusableFrame::Stamp(older_s));
+        stamp.or((repeated || stands_still).then_some(UnusableFrame::Repeated))
     }
 
     fn check_picture(&mut self, frame: &Frame) -> bool {
         let mut repeated = false;
-        let rows = frame.height.div_ceil(BANDS).max(1);
-        for band in 0..BANDS {
-            let hash = hash(frame, band * rows..((band + 1) * rows).min(frame.height));
-            let seen = &mut self.seen[band];
-            if self.frames == 1 {
-                self.noisy[band] = hash.is_some() && seen.last() != Some(&hash);
+        let height = frame.height.div_ceil(BANDS).max(1);
+        for (band, (seen, is_noisy)) in self.bands.iter_mut().enumerate() {
+            let mut pixels = Vec::new();
+            for y in (band * height..((band + 1) * height).min(frame.height)).step_by(ROW_STEP) {
+                let row = frame.pixels.get(y * frame.width..(y + 1) * frame.width);
+                pixels.extend_from_slice(row.unwrap_or_default());
             }
-            if !self.noisy[band] {
-                // empty below the frame
-                let y = band * rows + rows / 2;
-                let middle = frame.pixels.get(y * frame.width..(y + 1) * frame.width).unwrap_or_default();
-                let before = std::mem::replace(&mut self.middle[band], middle.to_vec());
-                let differing = middle.iter().zip(&before).filter(|(pixel, before)| pixel != before).count();
+            // black or white shows no noise
+            let is_uniform = pixels.iter().all(|pixel| Some(pixel) == pixels.first());
+            if let Some(last) = seen.back().filter(|_| !*is_noisy) {
+                let differing = pixels.iter().zip(last).filter(|(pixel, before)| pixel != before).count();
                 // noise differs in most pixels, a moving plate along its sides only
-                self.noisy[band] = 2 * differing > middle.len();
+                *is_noisy = !is_uniform && differing > if seen.len() == 1 { 0 } else { pixels.len() / 2 };
+                self.changed |= differing > 0;
             }
-            self.changed |= seen.last().is_some_and(|last| *last != hash);
-            repeated |= self.frames > 1 && self.noisy[band] && hash.is_some() && seen.contains(&hash);
+            repeated |= *is_noisy && !is_uniform && seen.len() > 1 && seen.contains(&pixels);
             if seen.len() == REMEMBERED {
-                seen.remove(0);
+                seen.pop_front();
             }
-            seen.push(hash);
+            seen.push_back(pixels);
         }
-        self.frames += 1;
         repeated
     }
-}
 
-/// Hash of some of the `rows`; `None` where all their pixels are equal: black or white shows no noise.
-fn hash(frame: &Frame, rows: std::ops::Range<usize>) -> Option<u64> {
-    // lanes are independent, so that their products overlap
-    let mut lanes = [0xcbf2_9ce4_8422_2325u64; LANES];
-    let first = frame.pixels.get(rows.start * frame.width)?;
-    let mut is_uniform = true;
-    for y in rows.step_by(ROW_STEP) {
-        let row = frame.pixels.get(y * frame.width..(y + 1) * frame.width)?;
-        is_uniform = is_uniform && row.iter().all(|pixel| pixel == first);
-        let (blocks, rest) = row.as_chunks::<{ 8 * LANES }>();
-        for block in blocks {
-            for (lane, word) in lanes.iter_mut().zip(block.as_chunks::<8>().0) {
-                *lane = mixed(*lane, u64::from_le_bytes(*word));
-            }
+    /// True from the frame at which the picture counts as frozen, whether or not the camera is known to have noise,
+    /// until it changes.
+    fn stands_still(&mut self, (seen_px, expected_px): (Option<f64>, f64)) -> bool {
+        let seen_px = seen_px.filter(|px| px.is_finite());
+        if seen_px.is_none() || seen_px != self.still.0 {
+            self.still = (seen_px, [expected_px; 2]);
         }
-        lanes[0] = rest.iter().fold(lanes[0], |lane, &pixel| mixed(lane, u64::from(pixel)));
-    }
-    (!is_uniform).then(|| lanes.into_iter().fold(0, mixed))
-}
-
-fn mixed(hash: u64, word: u64) -> u64 {
-    (hash.rotate_left(5) ^ word).wrapping_mul(0x0100_0000_01b3_9e3d)
-}
-
-/// Detects a picture that freezes while the plate is swung, whether or not the camera is known to have noise.
-#[derive(Clone, Debug, Default)]
-pub struct StillnessGuard {
-    seen: Option<f64>,
-    frames: u32,
-    /// Least and largest displacement expected in these frames, px.
-    expected: (f64, f64),
-    is_still: bool,
-}
-
-impl StillnessGuard {
-    /// Takes the largest displacement of a corner as seen and as expected, px. True from the frame at which the picture
-    /// counts as frozen until it changes.
-    pub fn check(&mut self, seen: Option<f64>, expected: f64) -> bool {
-        let seen = seen.filter(|px| px.is_finite());
-        if seen.is_none() || seen != self.seen {
-            *self = Self { seen, frames: 0, expected: (expected, expected), is_still: false };
-            return false;
-        }
-        self.frames += 1;
-        self.expected = (self.expected.0.min(expected), self.expected.1.max(expected));
-        self.is_still |= self.frames >= STILL_FRAMES && self.expected.1 - self.expected.0 > SWING_PX;
-        self.is_still
+        let (_, [least_px, most_px]) = &mut self.still;
+        (*least_px, *most_px) = (least_px.min(expected_px), most_px.max(expected_px));
+        *most_px - *least_px > SWING_PX
     }
 }
 
@@ -179,7 +134,7 @@ mod tests {
     }
 
     fn check(of: &mut Freshness, frame: &Frame) -> Option<UnusableFrame> {
-        of.check(frame, frame.exposed_at + 0.002)
+        of.check(frame, frame.exposed_at + 0.002, (None, 0.0))
     }
 
     #[test]
@@ -230,31 +185,31 @@ mod tests {
     fn stamp_that_does_not_fit_the_present_is_stale() {
         let mut fresh = Freshness::new(60.0, 0.004);
         assert_eq!(check(&mut fresh, &frame(1, 1)), None);
-        assert!(matches!(check(&mut fresh, &frame(1, 2)), Some(UnusableFrame::Stamp { .. })), "the same number");
+        assert!(matches!(check(&mut fresh, &frame(1, 2)), Some(UnusableFrame::Stamp(_))), "the same number");
         let late = frame(9, 9);
         assert!(
-            matches!(fresh.check(&late, late.exposed_at + 0.2), Some(UnusableFrame::Stamp { older_s }) if older_s > 0.19)
+            matches!(fresh.check(&late, late.exposed_at + 0.2, (None, 0.0)), Some(UnusableFrame::Stamp(older_s)) if older_s > 0.19)
         );
         let early = frame(10, 10);
         assert!(
-            matches!(fresh.check(&early, PlateTime::from_secs(0.1)), Some(UnusableFrame::Stamp { older_s }) if older_s < 0.0)
+            matches!(fresh.check(&early, PlateTime::from_secs(0.1), (None, 0.0)), Some(UnusableFrame::Stamp(older_s)) if older_s < 0.0)
         );
     }
 
     #[test]
     fn picture_that_does_not_follow_the_drive_is_frozen_until_it_changes() {
-        let mut guard = StillnessGuard::default();
-        let still = [0.0, 0.2, 0.4, 0.6, 0.0, 0.0].map(|expected| guard.check(Some(0.05), expected));
-        assert_eq!(still, [false, false, false, true, true, true]);
-        assert!(!guard.check(Some(0.06), 0.0));
+        let mut guard = Freshness::default();
+        let still = [0.0, 0.2, 0.4, 0.6, 0.0, 0.0].map(|expected| guard.stands_still((Some(0.05), expected)));
+        assert_eq!(still, [false, false, true, true, true, true]);
+        assert!(!guard.stands_still((Some(0.06), 0.0)));
     }
 
     #[test]
     fn resting_unmeasured_or_noisy_plate_is_not_reported_frozen() {
-        let mut guard = StillnessGuard::default();
-        assert!((0..20).all(|_| !guard.check(Some(0.05), 0.0)), "nothing should move");
-        assert!((0..20).all(|i| !guard.check(Some(f64::INFINITY), f64::from(i))));
-        assert!((0..20).all(|i| !guard.check(None, f64::from(i))));
-        assert!((0..20).all(|i| !guard.check(Some(0.01 * f64::from(i)), f64::from(i))), "noise");
+        let mut guard = Freshness::default();
+        assert!((0..20).all(|_| !guard.stands_still((Some(0.05), 0.0))), "nothing should move");
+        assert!((0..20).all(|i| !guard.stands_still((Some(f64::INFINITY), f64::from(i)))));
+        assert!((0..20).all(|i| !guard.stands_still((None, f64::from(i)))));
+        assert!((0..20).all(|i| !guard.stands_still((Some(0.01 * f64::from(i)), f64::from(i)))), "noise");
     }
 }

@@ -1,95 +1,87 @@
-use upm_core::geometry::Vec2;
+use super::{GROSS, SLIGHT};
+use crate::PulsePositions;
+use crate::progress::SERVED;
 use upm_core::job::Finding;
 
-/// Forecast steps below this are no evidence, m: among many parts forecasts of synthesised fields are off by up to 1
-/// mm.
-const SHORTEST_M: f64 = 2e-3;
-/// The same among more than eight parts: one motion for 24 parts leaves some of them in place during five pulses that
-/// should carry them by up to 2.4 mm.
-const SHORTEST_OF_MANY_M: f64 = 3e-3;
-const MANY: usize = 8;
-/// A part that moves less than this share of its forecast step hardly moves.
-const STUCK: f64 = 0.2;
-/// Least share of the forecast step along it, and largest across it, with which a part moved as forecast.
-const AS_FORECAST: f64 = 0.5;
-/// Largest deviation from the forecast place with which a part is there: m, plus this share of its step.
-const NEAR_M: f64 = 5e-4;
-const NEAR_OF_STEP: f64 = 0.15;
+/// Error of the forecasts of synthesised fields among many parts, m.
+const FORECAST_M: f64 = 1e-3;
+/// Forecast steps below this are no evidence, m.
+const SHORTEST_M: f64 = 2.0 * FORECAST_M;
+/// The same among more parts than one motion serves: one for 24 parts leaves some of them in place during five pulses
+/// that should carry them by up to 2.4 mm.
+const SHORTEST_OF_MANY_M: f64 = 3.0 * FORECAST_M;
 
 /// Compares the measured step of each part with its forecast.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct StepGuard {
-    in_a_row: u32,
-    /// For each part, the steps in a row in which it hardly moved, and in which it went the other way.
-    missed: Vec<[u32; 2]>,
+    /// For each part the outcome of its last steps, and their number in a row.
+    shown: Vec<(PulseOutcome, u32)>,
     /// Steps that were compared, and those that missed their forecast.
     pub compared: [u64; 2],
 }
 
 impl StepGuard {
-    /// A guard for which so many steps of a part in a row make a finding.
-    pub fn new(in_a_row: u32) -> Self {
-        Self { in_a_row, missed: Vec::new(), compared: [0; 2] }
-    }
-
-    /// Takes the steps of one pulse. Returns the first part that has missed its forecasts too often in a row, and
+    /// Takes the steps of one pulse. Returns the first part that has missed its forecasts `limit` times in a row, and
     /// whether it hardly moves or moves against them.
-    pub fn check(&mut self, before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<(usize, Finding)> {
-        self.missed.resize(before_m.len(), [0; 2]);
-        let shortest_m = if before_m.len() > MANY { SHORTEST_OF_MANY_M } else { SHORTEST_M };
+    pub fn check(&mut self, seen: &PulsePositions, limit: u32) -> Option<(usize, Finding)> {
+        let parts = seen.before_m.len();
+        self.shown.resize(parts, (PulseOutcome::There, 0));
         let mut found = None;
-        for (part, ((wanted, went), missed)) in steps(before_m, forecast_m, after_m).zip(&mut self.missed).enumerate() {
-            let length_m = wanted.norm();
-            if length_m < shortest_m {
-                continue;
-            }
-            let along = went.dot(&wanted) / (length_m * length_m);
-            let misses = [went.norm() < STUCK * length_m, along < -STUCK];
-            let in_a_row = [0, 1].map(|kind| if misses[kind] { missed[kind] + 1 } else { 0 });
-            *missed = in_a_row;
+        for (part, outcome) in outcomes(seen, if parts > SERVED as usize { SHORTEST_OF_MANY_M } else { SHORTEST_M }) {
+            let (last, in_a_row) = self.shown[part];
+            self.shown[part] = (outcome, if outcome == last { in_a_row + 1 } else { 1 });
             self.compared[0] += 1;
-            self.compared[1] += u64::from(misses.contains(&true));
-            let [is_stuck, is_astray] = in_a_row.map(|steps| steps >= self.in_a_row);
-            let unlike = if is_astray { Some(Finding::PartAstray) } else { is_stuck.then_some(Finding::PartStuck) };
-            found = found.or(unlike.map(|unlike| (part, unlike)));
+            let PulseOutcome::Missed(finding) = outcome else { continue };
+            self.compared[1] += 1;
+            if self.shown[part].1 >= limit {
+                found = found.or(Some((part, finding)));
+            }
         }
         found
     }
 }
 
-/// The step of each part, as forecast and as measured.
-fn steps(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> impl Iterator<Item = (Vec2, Vec2)> {
-    before_m.iter().zip(forecast_m).zip(after_m).map(|((before, forecast), after)| (forecast - before, after - before))
-}
-
-/// Where most parts with a forecast displacement ended.
+/// Where a part with a forecast displacement, or most of them, ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PulseOutcome {
-    /// At the forecast places, within the accuracy of forecasts for a plate that moves as planned.
+    /// At the forecast place, within the accuracy of forecasts for a plate that moves as planned.
     There,
-    /// Near them, as on a plate that moves slightly off its plan.
+    /// Near it, as on a plate that moves slightly off its plan.
     About,
-    /// At neither, such as parts that stayed or slid on.
+    /// Where it was since it hardly moved, or the other way.
+    Missed(Finding),
+    /// Anywhere else, as one that slid on.
     Elsewhere,
 }
 
+/// The parts that should go `shortest_m` or farther, and where each went.
+fn outcomes(seen: &PulsePositions, shortest_m: f64) -> impl Iterator<Item = (usize, PulseOutcome)> {
+    let PulsePositions { before_m, by_learning_m, after_m, .. } = seen;
+    let steps = before_m.iter().zip(by_learning_m).zip(after_m).map(|((from, to), after)| (to - from, after - from));
+    steps.enumerate().filter(move |(_, (wanted, _))| wanted.norm() >= shortest_m).map(|(part, (wanted, went))| {
+        let length_m = wanted.norm();
+        let along = went.dot(&wanted) / (length_m * length_m);
+        let across = (went - wanted * along).norm() / length_m;
+        let is_about = along > GROSS && along < 1.0 / GROSS && across < GROSS;
+        let outcome = match is_about {
+            true if (went - wanted).norm() < FORECAST_M.max(SLIGHT * length_m) => PulseOutcome::There,
+            true => PulseOutcome::About,
+            _ if went.norm() < SLIGHT * length_m => PulseOutcome::Missed(Finding::PartStuck),
+            _ if along < -SLIGHT => PulseOutcome::Missed(Finding::PartAstray),
+            _ => PulseOutcome::Elsewhere,
+        };
+        (part, outcome)
+    })
+}
+
 /// Verdict on most parts in a pulse; `None` when no part should move far enough to judge.
-pub fn went(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<PulseOutcome> {
-    let steps = steps(before_m, forecast_m, after_m);
-    let far: Vec<(Vec2, Vec2)> = steps.filter(|(wanted, _)| wanted.norm() >= SHORTEST_M).collect();
-    let most = |count: usize| 2 * count > far.len();
-    let is_about = |(wanted, went): &(Vec2, Vec2)| {
-        let along = went.dot(wanted) / wanted.norm_squared();
-        let across = (went - wanted * along).norm() / wanted.norm();
-        along > AS_FORECAST && along < 1.0 / AS_FORECAST && across < AS_FORECAST
-    };
-    let is_there = |(wanted, went): &(Vec2, Vec2)| (went - wanted).norm() < NEAR_M + NEAR_OF_STEP * wanted.norm();
-    let about = far.iter().filter(|step| is_about(step)).count();
-    let there = far.iter().filter(|step| is_about(step) && is_there(step)).count();
-    match far.len() {
+pub fn went(seen: &PulsePositions) -> Option<PulseOutcome> {
+    let all: Vec<PulseOutcome> = outcomes(seen, SHORTEST_M).map(|(_, outcome)| outcome).collect();
+    let are_most = |of: &[PulseOutcome]| 2 * all.iter().filter(|outcome| of.contains(outcome)).count() > all.len();
+    match all.len() {
         0 => None,
-        _ if most(there) => Some(PulseOutcome::There),
-        _ if most(about) => Some(PulseOutcome::About),
+        _ if are_most(&[PulseOutcome::There]) => Some(PulseOutcome::There),
+        _ if are_most(&[PulseOutcome::There, PulseOutcome::About]) => Some(PulseOutcome::About),
         _ => Some(PulseOutcome::Elsewhere),
     }
 }
@@ -97,12 +89,19 @@ pub fn went(before_m: &[Vec2], forecast_m: &[Vec2], after_m: &[Vec2]) -> Option<
 #[cfg(test)]
 mod tests {
     use super::*;
+    use upm_core::geometry::Vec2;
+
+    /// Positions of parts that should go `step_m` and went to `after_m`.
+    fn positions(step_m: Vec2, after_m: Vec<Vec2>) -> PulsePositions {
+        let (before_m, forecast_m) = (vec![Vec2::zeros(); after_m.len()], vec![step_m; after_m.len()]);
+        PulsePositions { before_m, after_m, by_library_m: Vec::new(), by_learning_m: forecast_m }
+    }
 
     /// Findings in each of several pulses that should carry two parts 4 mm along x; the second moves `share` of it.
     fn found(shares: &[f64]) -> Vec<Option<(usize, Finding)>> {
-        let (mut guard, start) = (StepGuard::new(4), [Vec2::zeros(); 2]);
+        let mut guard = StepGuard::default();
         let step = Vec2::new(4e-3, 0.0);
-        shares.iter().map(|&share| guard.check(&start, &[step; 2], &[step, step * share])).collect()
+        shares.iter().map(|&share| guard.check(&positions(step, vec![step, step * share]), 4)).collect()
     }
 
     #[test]
@@ -115,19 +114,15 @@ mod tests {
 
     #[test]
     fn pulse_outcome_follows_the_majority_of_parts() {
-        let (start, step) = ([Vec2::zeros(); 3], Vec2::new(4e-3, 0.0));
-        let of = |shares: [f64; 3]| went(&start, &[step; 3], &shares.map(|share| step * share));
+        let step = Vec2::new(4e-3, 0.0);
+        let of = |shares: [f64; 3]| went(&positions(step, shares.map(|share| step * share).to_vec()));
         assert_eq!(
             (of([1.0, 0.9, 0.0]), of([0.0, 0.1, 1.0])),
             (Some(PulseOutcome::There), Some(PulseOutcome::Elsewhere))
         );
         assert_eq!(of([1.0, 0.7, 1.3]), Some(PulseOutcome::About), "one is near");
-        assert_eq!(went(&start, &start, &start), None);
-        let gliding = Vec2::new(6e-3, 3e-3);
-        assert_eq!(
-            went(&start[..1], &[step], &[gliding]),
-            Some(PulseOutcome::Elsewhere),
-            "parts that glide go elsewhere"
-        );
+        assert_eq!(went(&positions(Vec2::zeros(), vec![step; 3])), None);
+        let gliding = went(&positions(step, vec![Vec2::new(6e-3, 3e-3)]));
+        assert_eq!(gliding, Some(PulseOutcome::Elsewhere), "parts that glide go elsewhere");
     }
 }

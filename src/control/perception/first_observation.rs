@@ -36,7 +36,7 @@ pub(super) fn find_table(io: &mut RunIo<'_>, frame: &mut Frame, guards: &Guards)
             Ok(_) => why = "the plate or the ground is overexposed".to_owned(),
             Err(fault) => why = fault.to_string(),
         }
-        let reason = || format!("no table in the camera's frames: {why}");
+        let reason = format!("no table in the camera's frames: {why}");
         conditions.note(frame.exposed_at, Finding::TableMissing, reason, io.sink);
         conditions.end_cycle(frame.exposed_at, io.sink);
     }

@@ -42,10 +42,8 @@ impl Perception {
     /// Reason for which the newest frame, which arrived at `now` and shows the plate `swing_px` from its place, is not
     /// of the present; `None` for a frame of the present.
     pub(super) fn stale(&mut self, now: PlateTime, swing_px: Option<f64>) -> Option<UnusableFrame> {
-        let stale = self.scene.freshness.check(&self.frame, now);
         let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
-        let stands_still = self.stillness.check(swing_px, expected_px) && self.guards.has(Finding::CameraFrozen);
-        let stale = stale.or(stands_still.then_some(UnusableFrame::Repeated));
+        let stale = self.scene.freshness.check(&self.frame, now, (swing_px, expected_px));
         stale.filter(|blind| self.guards.has(blind.finding()))
     }
 
@@ -69,6 +67,6 @@ impl Perception {
             return Continue(());
         }
         let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());
-        Break(self.findings.end_by(self.frame.exposed_at, Finding::PartsJumped, reason, sink))
+        Break(self.end_by(Finding::PartsJumped, reason, sink))
     }
 }

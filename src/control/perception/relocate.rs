@@ -88,7 +88,7 @@ impl Perception {
             return Continue(());
         }
         let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
-        let reason = || format!("the plate has moved in the picture {by}; it is located anew");
+        let reason = format!("the plate has moved in the picture {by}; it is located anew");
         self.findings.note(self.frame.exposed_at, Finding::CameraMoved, reason, io.sink);
         match self.locate(io.clock) {
             Ok(found) => self.relocate(found, true, io.sink),
@@ -164,7 +164,7 @@ impl Perception {
                 let at = self.frame.exposed_at;
                 io.sink.confirmed(&ConfirmedFacts { at, corner_px: off_px, part_m, parts_m: &parts_m });
             } else {
-                let reason = || format!("table and parts located anew differ, the corners by {off_px:.1} px");
+                let reason = format!("table and parts located anew differ, the corners by {off_px:.1} px");
                 self.findings.note(self.frame.exposed_at, Finding::CameraMoved, reason, io.sink);
                 self.relocate(located, true, io.sink)?;
                 return Continue(false);
@@ -201,6 +201,6 @@ impl Perception {
         }
         let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
         let reason = format!("no table found in {TABLE_OBSERVATIONS} frames{why}");
-        Break(self.findings.end_by(self.frame.exposed_at, Finding::TableMissing, reason, io.sink))
+        Break(self.end_by(Finding::TableMissing, reason, io.sink))
     }
 }

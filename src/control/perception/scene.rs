@@ -24,7 +24,7 @@ impl UnusableFrame {
     pub(super) fn finding(self) -> Finding {
         match self {
             Self::Repeated => Finding::CameraFrozen,
-            Self::Stamp { .. } => Finding::CameraStale,
+            Self::Stamp(_) => Finding::CameraStale,
             Self::Dark => Finding::CameraDark,
             Self::Hidden => Finding::ViewHidden,
         }
@@ -33,7 +33,7 @@ impl UnusableFrame {
     /// Time for which a run waits for it to end, s.
     pub(super) fn longest_s(self) -> f64 {
         match self {
-            Self::Repeated | Self::Stamp { .. } => STALE_S,
+            Self::Repeated | Self::Stamp(_) => STALE_S,
             Self::Dark => DARK_S,
             Self::Hidden => HAND_S,
         }
@@ -43,7 +43,7 @@ impl UnusableFrame {
     pub(super) fn reason(self) -> String {
         match self {
             Self::Repeated => "the camera sends the same picture again".into(),
-            Self::Stamp { older_s } => {
+            Self::Stamp(older_s) => {
                 format!("a frame's number or stamp does not fit: it is {:.0} ms old", older_s * 1e3)
             }
             Self::Dark => "the camera's frames show no plate".into(),
@@ -73,7 +73,7 @@ impl SceneMonitor {
             foreign_m: None,
             settling: Settling::default(),
         };
-        monitor.freshness.check(first, now);
+        monitor.freshness.check(first, now, (None, 0.0));
         monitor.table.set_rest(first);
         monitor
     }

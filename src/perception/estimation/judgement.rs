@@ -8,22 +8,16 @@
 //!
 //! A coil or channel without a share in the planned motion cannot be judged by it: such a pulse is as planned.
 
-mod coils;
-mod reading;
+use nalgebra::{DVector, SMatrix, SVector, Vector3};
 
-use nalgebra::{Complex, Vector3};
-
-use self::reading::{DEVIATIONS, TraceReading};
-use super::accelerometer_phasors::{AccelerometerPhasors, Velocity, accelerometer_phasors};
-use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2};
+use super::accelerometer_phasors::{Velocity, accelerometer_phasors};
+use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2, WaveFit};
 use upm_core::geometry::Vec2;
-use upm_core::phasor::magnitude;
-use upm_core::signal::{CHANNELS, Drive, MOTORS, TwistHarmonic, TwistWave};
+use upm_core::signal::{CHANNELS, Drive, Harmonic, MOTORS, TwistHarmonic, TwistWave};
 
-pub use self::coils::BEARABLE_GAINS;
-
-/// [`DEVIATIONS`] when a single period was read. The fit's polynomial then follows the plate's resonance only in part:
-/// healthy coefficients are up to 8 standard deviations off.
+/// Tolerance of a coefficient in standard deviations when two periods or more were read, and when a single one was: the
+/// fit's polynomial then follows the plate's resonance only in part, and healthy coefficients are up to 8 off.
+const DEVIATIONS: f64 = 8.0;
 const DEVIATIONS_ONE_PERIOD: f64 = 14.0;
 
 /// Allowed error of the library's response, as a fraction of the planned acceleration, or of the explained one where
@@ -34,6 +28,14 @@ const RESPONSE_ERROR: f64 = 0.02;
 /// Smallest gain error that is attributed to its coil or channel.
 const LEAST_GAIN_ERROR: f64 = 0.05;
 
+/// Plausible gains of an amplifier and its coil; a gain outside them is the error of something else, attributed to a
+/// coil with hardly any share in the motion.
+const COIL_GAINS: std::ops::RangeInclusive<f64> = -1.6..=2.0;
+
+/// Gains of a coil with which a run goes on, since the next observation compensates for them: those that an amplifier's
+/// supply gives all its coils.
+pub const BEARABLE_GAINS: std::ops::RangeInclusive<f64> = 0.7..=1.4;
+
 /// Planned acceleration from which a pulse must be readable, in units of [`WEAKEST_MPS2`].
 const STRONG: f64 = 4.0;
 
@@ -43,6 +45,12 @@ const RIGID: f64 = 0.04;
 /// Base periods of sustain from which a pulse must be readable: one, and a margin since samples do not fall on the
 /// edges.
 const READABLE_PERIODS: f64 = 1.05;
+
+/// Coefficients of a harmonic: a real and an imaginary one of each channel.
+const COEFFICIENTS: usize = 2 * CHANNELS;
+
+/// Acceleration coefficients, m/s², harmonic by harmonic; those of channel k are at `2 k` and `2 k + 1` of each.
+type Readings = DVector<f64>;
 
 /// The planned motion of a pulse.
 #[derive(Clone, Copy, Debug)]
@@ -59,77 +67,42 @@ pub struct ExpectedMotion<'a> {
 }
 
 /// Deviation of a pulse from the plan, and its explanation.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct MotionJudgement {
-    /// Difference from the plan; `None` where the trace could not be read.
-    pub mismatch: Option<Mismatch>,
+    /// Norm of measured minus planned acceleration, all channels and harmonics, over that of the planned; 0 where the
+    /// trace could not be read.
+    pub off: f64,
+    /// The same difference in units of the tolerance; `None` where the trace could not be read.
+    pub score: Option<f64>,
     /// Explanation of the difference.
     pub verdict: MotionVerdict,
-    /// The best explanation by another coil, channel or pair of coils, where one coil, channel or pair is the verdict.
-    pub runner_up: Option<RunnerUp>,
-}
-
-/// The explanation that the senses can tell least from the verdict.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RunnerUp {
-    /// The explanation.
-    pub verdict: MotionVerdict,
-    /// Odds of the judgement's verdict over it: the ratio of their likelihoods, were each tolerance a standard
-    /// deviation. Tolerances are wider, so the true odds are higher.
-    pub odds: f64,
-}
-
-/// Difference between the planned and the measured motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mismatch {
-    /// Norm of measured minus planned acceleration, all channels and harmonics, over that of the planned.
-    pub relative: f64,
-    /// The same difference in units of the tolerance; up to the limit the pulse is as planned.
-    pub score: f64,
+    /// The best explanation by another coil, channel or pair of coils, where one coil, channel or pair is the verdict,
+    /// and the odds of the verdict over it: the ratio of their likelihoods, were each tolerance a standard deviation.
+    /// Tolerances are wider, so the true odds are higher.
+    pub runner_up: Option<(MotionVerdict, f64)>,
 }
 
 /// Explanation of a measured motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MotionVerdict {
-    /// The plate moved as planned.
+    /// The plate moved as planned, or was planned to move so little or briefly that it need not be readable.
     AsPlanned,
-    /// The plate moved as planned, but one accelerometer channel does not show it.
-    Channel {
-        /// Index of the channel.
-        channel: usize,
-        /// Deviation of its signal from the plan.
-        kind: ChannelFault,
-    },
-    /// One coil's force is not as planned.
-    Coil {
-        /// Index into [`upm_core::signal::Motor::ALL`].
-        coil: usize,
-        /// Its force over the planned one: 0 for a dead coil, -1 for a reversed one.
-        gain: f64,
-    },
-    /// Two coils are exchanged: each plays the other's signal.
-    Swapped {
-        /// Indices into [`upm_core::signal::Motor::ALL`].
-        coils: [usize; 2],
-    },
+    /// The plate moved as planned, but the accelerometer channel of this index does not show it. Beside it the gain with
+    /// which it shows the motion: 0 where it is dead, -1 where its sign is wrong; `None` where it shows something else,
+    /// and the other three agree with the plan.
+    Channel(usize, Option<f64>),
+    /// The coil at this index into [`upm_core::signal::Motor::ALL`] does not give its planned force. Beside it the share
+    /// that it gives: 0 for a dead coil, -1 for a reversed one.
+    Coil(usize, f64),
+    /// The coils at these indices are exchanged: each plays the other's signal.
+    Swapped([usize; 2]),
     /// The channels contradict each other: no rigid motion of the plate gives these readings.
     Channels,
     /// Not as planned, and no single coil, channel or pair of coils explains it.
     Other,
-    /// The trace could not be read, or the noise exceeds the motion.
-    Unreadable {
-        /// True when the planned motion is strong and long enough to be read, so that plate or sensors have failed.
-        strong: bool,
-    },
-}
-
-/// Fault of an accelerometer channel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ChannelFault {
-    /// Shows the motion with this gain: 0 where it is dead, -1 where its sign is wrong.
-    Gain(f64),
-    /// Shows something else; the other three agree with the plan.
-    Erratic,
+    /// The trace could not be read, or the noise exceeds the motion, which is strong and long enough to be read: plate
+    /// or sensors have failed.
+    Unreadable,
 }
 
 /// Judges a pulse by the fit of its trace.
@@ -139,36 +112,26 @@ pub fn judge(
     sensors: &AccelerometerPair,
 ) -> MotionJudgement {
     let fault = match fit {
-        Ok(fit) => return PulseJudge::new(expected, TraceReading::of(fit), sensors).judgement(),
+        Ok(fit) => return PulseJudge::new(expected, fit.motion(), sensors).judgement(),
         Err(fault) => fault,
     };
-    let harmonics = expected.drive.motors.iter().map(Vec::len).max().unwrap_or(0);
-    let planned = expected.readings(harmonics, AS_PLANNED, sensors);
+    let planned = expected.readings(expected.harmonics(), sensors);
     // these two mean that this rig's traces can never be read this way, whatever the plate does
     let never = matches!(fault, FitFault::Unreadable(_) | FitFault::Undetermined { .. });
-    let verdict = MotionVerdict::Unreadable { strong: !never && is_strong(expected, &planned) };
-    MotionJudgement { mismatch: None, verdict, runner_up: None }
+    let is_fault = !never && expected.must_be_readable(&planned);
+    let verdict = if is_fault { MotionVerdict::Unreadable } else { MotionVerdict::AsPlanned };
+    MotionJudgement { off: 0.0, score: None, verdict, runner_up: None }
 }
-
-/// True for a motion strong enough that accelerometers have to show it.
-fn is_strong(expected: &ExpectedMotion<'_>, planned: &AccelerometerPhasors) -> bool {
-    let largest_mps2 = planned.iter().flatten().map(|a| magnitude(*a)).fold(0.0, f64::max);
-    expected.periods() >= READABLE_PERIODS && largest_mps2 >= STRONG * WEAKEST_MPS2
-}
-
-/// For each coil, the one whose signal it is assumed to play, and the share of that.
-type PlayedSignals = [(usize, f64); MOTORS];
-
-/// Every coil plays its own signal.
-const AS_PLANNED: PlayedSignals = [(0, 1.0), (1, 1.0), (2, 1.0), (3, 1.0)];
 
 impl ExpectedMotion<'_> {
     /// The plate's velocity at full height, times from the start of the pulse.
     pub fn wave(&self) -> TwistWave {
-        let Drive { base_radps, motors, .. } = self.drive;
-        let harmonics = motors.iter().map(Vec::len).max().unwrap_or(0);
-        let harmonics = self.velocity(harmonics, AS_PLANNED).iter().map(TwistHarmonic::from_phasor).collect();
-        TwistWave { base_radps: *base_radps, harmonics }
+        let harmonics = self.velocity(self.harmonics()).iter().map(TwistHarmonic::from_phasor).collect();
+        TwistWave { base_radps: self.drive.base_radps, harmonics }
+    }
+
+    fn harmonics(&self) -> usize {
+        self.drive.motors.iter().map(Vec::len).max().unwrap_or(0)
     }
 
     /// Base periods of the pulse's sustain.
@@ -176,17 +139,24 @@ impl ExpectedMotion<'_> {
         self.drive.envelope.sustain_s * self.drive.base_radps / std::f64::consts::TAU
     }
 
+    /// True for a motion strong and long enough that accelerometers have to show it.
+    fn must_be_readable(&self, planned: &Readings) -> bool {
+        let is_strong = |a: &[f64; 2]| a[0] * a[0] + a[1] * a[1] >= (STRONG * WEAKEST_MPS2).powi(2);
+        self.periods() >= READABLE_PERIODS && planned.as_slice().as_chunks().0.iter().any(is_strong)
+    }
+
     /// The accelerometers' readings of [`Self::velocity`].
-    fn readings(&self, harmonics: usize, played: PlayedSignals, sensors: &AccelerometerPair) -> AccelerometerPhasors {
-        accelerometer_phasors(&self.velocity(harmonics, played), self.drive.base_radps, sensors.position_m)
+    fn readings(&self, harmonics: usize, sensors: &AccelerometerPair) -> Readings {
+        let phasors = accelerometer_phasors(&self.velocity(harmonics), self.drive.base_radps, sensors.position_m);
+        Readings::from_iterator(COEFFICIENTS * harmonics, phasors.iter().flatten().flat_map(|a| [a.re, a.im]))
     }
 
     /// The plate's velocity in `harmonics` harmonics; those absent from drive or response are zero.
-    fn velocity(&self, harmonics: usize, played: PlayedSignals) -> Velocity {
+    fn velocity(&self, harmonics: usize) -> Velocity {
         let mut velocity = vec![Vector3::zeros(); harmonics];
-        for (answers, (of, share)) in self.coils.iter().zip(played) {
-            for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(&self.drive.motors[of]) {
-                *sum += answer.phasor() * (counts.phasor() * share);
+        for (answers, wave) in self.coils.iter().zip(&self.drive.motors) {
+            for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(wave) {
+                *sum += answer.phasor() * counts.phasor();
             }
         }
         velocity
@@ -197,121 +167,170 @@ impl ExpectedMotion<'_> {
 struct PulseJudge<'a> {
     expected: &'a ExpectedMotion<'a>,
     sensors: &'a AccelerometerPair,
-    read: TraceReading,
-    planned: AccelerometerPhasors,
-    /// Square of the tolerance of each coefficient for noise and load alone, (m/s²)², harmonic by harmonic.
-    noise: Vec<f64>,
-    /// Inverse square of the tolerance of each coefficient of the planned motion, (m/s²)⁻², harmonic by harmonic.
-    weights: Vec<f64>,
+    read: Readings,
+    /// Variance of each coefficient, (m/s²)²: the mean of cos and sin coefficient of its harmonic.
+    variance: Readings,
+    /// The channel that is full of noise, if one is.
+    noisy: Option<usize>,
+    planned: Readings,
+    /// Square of the tolerance of each coefficient for noise and load alone, (m/s²)².
+    noise: Readings,
 }
 
 impl<'a> PulseJudge<'a> {
-    fn new(expected: &'a ExpectedMotion<'a>, read: TraceReading, sensors: &'a AccelerometerPair) -> Self {
-        let planned = expected.readings(read.variance.len(), AS_PLANNED, sensors);
+    fn new(expected: &'a ExpectedMotion<'a>, read: &WaveFit, sensors: &'a AccelerometerPair) -> Self {
+        let WaveFit { accel_mps2, accel_sd_mps2, channel_residual_mps2, .. } = read;
+        let harmonics = accel_sd_mps2.len();
+        let planned = expected.readings(harmonics, sensors);
+        let read = Readings::from_fn(planned.len(), |i, _| {
+            let [cos, sin] = accel_mps2[channel_of(i)].get(i / COEFFICIENTS).copied().unwrap_or_default();
+            [cos, -sin][i % 2]
+        });
+        let variance = Readings::from_fn(planned.len(), |i, _| {
+            let [cos, sin] = accel_sd_mps2[i / COEFFICIENTS];
+            0.5 * (cos * cos + sin * sin)
+        });
+        let (noisy, share) = noisy(channel_residual_mps2);
         let deviations = if expected.periods() < 2.0 { DEVIATIONS_ONE_PERIOD } else { DEVIATIONS };
-        // the residual of a channel full of noise says nothing about the others
-        let others = CHANNELS as f64 / (CHANNELS - 1) as f64;
-        let share = read.noisy.map_or(1.0, |(_, share)| (1.0 - share) * others);
-        let load = expected.load_mps2 * expected.load_mps2 / (2 * read.variance.len().max(1)) as f64;
-        let noise = read.variance.iter().map(|variance| deviations * deviations * share * variance + load);
-        let noise: Vec<f64> = noise.collect();
-        let response = response_variance(&planned);
-        let weights = noise.iter().map(|noise| (noise + response).recip()).collect();
-        Self { expected, sensors, read, planned, noise, weights }
+        let load = expected.load_mps2 * expected.load_mps2 / (2 * harmonics.max(1)) as f64;
+        let noise = (&variance * (deviations * deviations * share)).add_scalar(load);
+        Self { expected, sensors, read, variance, noisy, planned, noise }
     }
 
     /// The judgement, without a channel that is full of noise.
     fn judgement(&self) -> MotionJudgement {
-        let without = self.read.noisy.map(|(channel, _)| channel);
-        let size: f64 = self.planned.iter().map(|of| distance(of, &Default::default(), without)).sum();
-        let rows = self.planned.iter().zip(&self.read.accel_mps2);
-        let difference: f64 = rows.map(|(a, b)| distance(a, b, without)).sum();
-        let mismatch = Mismatch { relative: (difference / size).sqrt(), score: self.score(&self.planned, without) };
-        let (verdict, runner_up) = match (without, mismatch.score <= self.expected.limit) {
+        let without = self.noisy;
+        let off = (energy(&(&self.planned - &self.read), without) / energy(&self.planned, without)).sqrt();
+        let score = self.score(&self.planned, without);
+        let (verdict, runner_up) = match (without, score <= self.expected.limit) {
             (None, false) => self.explanation(),
-            (None, true) if self.is_drowned() && is_strong(self.expected, &self.planned) => {
-                (MotionVerdict::Unreadable { strong: true }, None)
+            (None, true) if self.is_drowned() && self.expected.must_be_readable(&self.planned) => {
+                (MotionVerdict::Unreadable, None)
             }
             (None, true) => (MotionVerdict::AsPlanned, None),
             (Some(_), false) => (MotionVerdict::Other, None),
-            (Some(channel), true) => (MotionVerdict::Channel { channel, kind: ChannelFault::Erratic }, None),
+            (Some(channel), true) => (MotionVerdict::Channel(channel, None), None),
         };
-        MotionJudgement { mismatch: Some(mismatch), verdict, runner_up }
+        MotionJudgement { off, score: Some(score), verdict, runner_up }
     }
 
-    /// The best explanation, if one is accepted, and its runner-up.
-    fn explanation(&self) -> (MotionVerdict, Option<RunnerUp>) {
-        let pairs = (0..MOTORS).flat_map(|a| (a + 1..MOTORS).map(move |b| [a, b]));
-        let coils = (0..MOTORS).map(|coil| self.coil(coil));
-        let channels = (0..CHANNELS).map(|channel| self.channel(channel));
-        let swaps = pairs.map(|coils| self.swap(coils));
-        let mut ranked: Vec<(f64, MotionVerdict)> = coils.chain(channels).chain(swaps).collect();
-        ranked.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        if let [(best, verdict), (other, runner_up), ..] = ranked[..]
-            && best <= self.expected.limit
-        {
-            let coefficients = (2 * CHANNELS * self.noise.len()) as f64;
-            let odds = libm::exp(0.5 * coefficients * (other * other - best * best));
-            return (verdict, other.is_finite().then_some(RunnerUp { verdict: runner_up, odds }));
-        }
-        let erratic = (0..CHANNELS).map(|channel| (self.score(&self.planned, Some(channel)), channel));
-        let verdict = match erratic.min_by(|(a, _), (b, _)| a.total_cmp(b)) {
-            Some((score, channel)) if score <= self.expected.limit => {
-                MotionVerdict::Channel { channel, kind: ChannelFault::Erratic }
+    /// The first explanation that is accepted, and the next one with its odds where both have rank 0.
+    fn explanation(&self) -> (MotionVerdict, Option<(MotionVerdict, f64)>) {
+        let mut ranked = self.explanations();
+        ranked.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let accepted = ranked.iter().position(|(_, score, _)| *score <= self.expected.limit);
+        let (verdict, rank, best) =
+            accepted.map_or((MotionVerdict::Other, 1, 0.0), |i| (ranked[i].2, ranked[i].0, ranked[i].1));
+        let odds = |other: f64| libm::exp(0.5 * self.read.len() as f64 * (other * other - best * best));
+        let runner_up = ranked.get(1).filter(|(other, ..)| rank + other == 0);
+        (verdict, runner_up.map(|(_, other, runner_up)| (*runner_up, odds(*other))))
+    }
+
+    /// All explanations with their ranks and their scores at the gains that fit the reading best. The simpler come
+    /// first: 0 for one coil, channel or pair of coils; 1 for a channel that shows something else; 2 for channels that
+    /// disagree; 3 for one coil with one gain while the other three share another, as under a sagging supply.
+    fn explanations(&self) -> Vec<(u8, f64, MotionVerdict)> {
+        let mut all = Vec::new();
+        for coil in 0..MOTORS {
+            let others = self.driven(|motors| motors[coil].clear());
+            let own = &self.planned - &others;
+            if let Some((score, [gain])) = self.fitted(&others, [&own])
+                && is_fault(gain)
+                && COIL_GAINS.contains(&gain)
+            {
+                all.push((0, score, MotionVerdict::Coil(coil, gain)));
             }
-            _ if !self.is_rigid() => MotionVerdict::Channels,
-            _ => self.one_coil_of_weak_ones().unwrap_or(MotionVerdict::Other),
-        };
-        (verdict, None)
+            if let Some((score, [gain, shared])) = self.fitted(&(&own * 0.0), [&own, &others])
+                && is_fault(gain / shared)
+                && COIL_GAINS.contains(&gain)
+                && BEARABLE_GAINS.contains(&shared)
+            {
+                all.push((3, score, MotionVerdict::Coil(coil, gain)));
+            }
+            for other in coil + 1..MOTORS {
+                let swapped = self.driven(|motors| motors.swap(coil, other));
+                all.push((0, self.score(&swapped, None), MotionVerdict::Swapped([coil, other])));
+            }
+        }
+        for channel in 0..CHANNELS {
+            let own = self.planned.map_with_location(|i, _, a| if channel_of(i) == channel { a } else { 0.0 });
+            if let Some((score, [gain])) = self.fitted(&(&self.planned - &own), [&own])
+                && is_fault(gain)
+            {
+                all.push((0, score, MotionVerdict::Channel(channel, Some(gain))));
+            }
+            all.push((1, self.score(&self.planned, Some(channel)), MotionVerdict::Channel(channel, None)));
+        }
+        all.push((2, if self.is_rigid() { f64::INFINITY } else { 0.0 }, MotionVerdict::Channels));
+        all
+    }
+
+    /// Score of the sum of `rest` and `parts`, each at the gain that fits the reading best.
+    fn fitted<const N: usize>(&self, rest: &Readings, parts: [&Readings; N]) -> Option<(f64, [f64; N])> {
+        let tolerance2 = self.noise.add_scalar(response_variance(&self.planned));
+        let dot = |a: &Readings, b: &Readings| a.component_div(&tolerance2).dot(b);
+        let normal = SMatrix::<f64, N, N>::from_fn(|row, column| dot(parts[row], parts[column]));
+        let seen = SVector::<f64, N>::from_fn(|row, _| dot(parts[row], &(&self.read - rest)));
+        let gains: [f64; N] = (normal.try_inverse()? * seen).into();
+        let predicted = parts.iter().zip(gains).fold(rest.clone(), |sum, (part, gain)| sum + *part * gain);
+        Some((self.score(&predicted, None), gains))
+    }
+
+    /// The readings of another drive than the planned one.
+    fn driven(&self, change: impl FnOnce(&mut [Vec<Harmonic>; MOTORS])) -> Readings {
+        let mut drive = self.expected.drive.clone();
+        change(&mut drive.motors);
+        ExpectedMotion { drive: &drive, ..*self.expected }.readings(self.planned.len() / COEFFICIENTS, self.sensors)
     }
 
     /// True when noise exceeds the planned motion in every harmonic.
     fn is_drowned(&self) -> bool {
-        let planned = self.planned.iter().map(|of| of.iter().map(Complex::norm_sqr).sum::<f64>());
-        planned.zip(&self.read.variance).all(|(planned, variance)| planned < 2.0 * CHANNELS as f64 * variance)
+        let [planned, variance] = [&self.planned, &self.variance].map(|of| of.as_slice().chunks(COEFFICIENTS));
+        planned
+            .zip(variance)
+            .all(|(planned, variance)| planned.iter().map(|a| a * a).sum::<f64>() < variance.iter().sum())
     }
 
     /// True when a rigid plate can move as the channels show: both accelerometers show the same along the line between
     /// them.
     fn is_rigid(&self) -> bool {
         let along: Vec2 = self.sensors.position_m / self.sensors.position_m.norm();
-        let (x, y) = (along.x, along.y);
-        let apart = |[x1, y1, x2, y2]: &[Complex<f64>; CHANNELS]| ((x1 - x2) * x + (y1 - y2) * y).norm_sqr();
-        let apart: f64 = self.read.accel_mps2.iter().map(apart).sum();
-        let noise = 4.0 * self.read.variance.iter().sum::<f64>();
-        apart < DEVIATIONS * DEVIATIONS * noise + RIGID * energy(&self.read.accel_mps2)
-    }
-
-    /// Score and verdict for the gain of `channel` that fits the reading best.
-    fn channel(&self, channel: usize) -> (f64, MotionVerdict) {
-        let only = channel..channel + 1;
-        let information = self.dot(&self.planned, &self.planned, only.clone());
-        let gain = self.dot(&self.planned, &self.read.accel_mps2, only) / information;
-        let shown = self.planned.iter().map(|planned| {
-            let mut shown = *planned;
-            shown[channel] *= gain;
-            shown
-        });
-        let score = if is_fault(gain) { self.score(&shown.collect(), None) } else { f64::INFINITY };
-        (score, MotionVerdict::Channel { channel, kind: ChannelFault::Gain(gain) })
+        let apart = |a: &[f64; COEFFICIENTS]| {
+            [0, 1].map(|i| ((a[i] - a[4 + i]) * along.x + (a[2 + i] - a[6 + i]) * along.y).powi(2)).iter().sum::<f64>()
+        };
+        let apart: f64 = self.read.as_slice().as_chunks().0.iter().map(apart).sum();
+        apart < 0.5 * DEVIATIONS * DEVIATIONS * self.variance.sum() + RIGID * self.read.norm_squared()
     }
 
     /// Deviation of the reading from `predicted` in tolerances, root mean square over all channels or those `without`
     /// one. The response's error grows with the motion: a coil that gives more than planned, or the other way, may move
     /// the plate farther than planned.
-    fn score(&self, predicted: &AccelerometerPhasors, without: Option<usize>) -> f64 {
+    fn score(&self, predicted: &Readings, without: Option<usize>) -> f64 {
         let response = response_variance(predicted).max(response_variance(&self.planned));
-        let rows = predicted.iter().zip(&self.read.accel_mps2).zip(&self.noise);
-        let sum: f64 = rows.map(|((a, b), noise)| distance(a, b, without) / (noise + response)).sum();
+        let tolerance = self.noise.map(|noise| (noise + response).sqrt());
         let channels = CHANNELS - usize::from(without.is_some());
-        (sum / (2 * channels * self.noise.len()) as f64).sqrt()
+        let coefficients = (self.read.len() / CHANNELS * channels) as f64;
+        (energy(&(predicted - &self.read).component_div(&tolerance), without) / coefficients).sqrt()
     }
+}
 
-    /// Weighted inner product over `channels`.
-    fn dot(&self, a: &AccelerometerPhasors, b: &AccelerometerPhasors, channels: std::ops::Range<usize>) -> f64 {
-        let rows = a.iter().zip(b).zip(&self.weights);
-        rows.map(|((a, b), weight)| weight * channels.clone().map(|c| (a[c].conj() * b[c]).re).sum::<f64>()).sum()
+/// Channel of a coefficient.
+fn channel_of(coefficient: usize) -> usize {
+    coefficient / 2 % CHANNELS
+}
+
+/// The channel full of noise, if one is: its residual is more standard deviations than a coefficient may be off, each
+/// the largest other residual or [`WEAKEST_MPS2`]. Beside it the variance of the others over that of all four: the
+/// residual of such a channel says nothing about the others.
+fn noisy(residual_mps2: &[f64; CHANNELS]) -> (Option<usize>, f64) {
+    let mut squares: Vec<(f64, usize)> = residual_mps2.iter().map(|rms| rms * rms).zip(0..).collect();
+    squares.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    let (most, channel) = squares[0];
+    if most <= DEVIATIONS * DEVIATIONS * squares[1].0.max(WEAKEST_MPS2 * WEAKEST_MPS2) {
+        return (None, 1.0);
     }
+    let mean = |of: &[(f64, usize)]| of.iter().map(|(square, _)| square).sum::<f64>() / of.len() as f64;
+    (Some(channel), mean(&squares[1..]) / mean(&squares))
 }
 
 /// True for a gain far enough from 1 to be reported as a fault.
@@ -319,21 +338,15 @@ fn is_fault(gain: f64) -> bool {
     (gain - 1.0).abs() >= LEAST_GAIN_ERROR
 }
 
-/// Square of the tolerance of each coefficient for the response's error in the motion `accelerometer_phasors`,
-/// (m/s²)².
-fn response_variance(accelerometer_phasors: &AccelerometerPhasors) -> f64 {
-    RESPONSE_ERROR * RESPONSE_ERROR * energy(accelerometer_phasors)
-        / (2 * CHANNELS * accelerometer_phasors.len()) as f64
+/// Square of the tolerance of each coefficient for the response's error in a motion with these readings, (m/s²)².
+fn response_variance(readings: &Readings) -> f64 {
+    RESPONSE_ERROR * RESPONSE_ERROR * readings.norm_squared() / readings.len() as f64
 }
 
-fn energy(accelerometer_phasors: &AccelerometerPhasors) -> f64 {
-    accelerometer_phasors.iter().flatten().map(Complex::norm_sqr).sum()
-}
-
-/// Square of the difference in all channels or those `without` one.
-fn distance(a: &[Complex<f64>; CHANNELS], b: &[Complex<f64>; CHANNELS], without: Option<usize>) -> f64 {
-    let channels = (0..CHANNELS).filter(|channel| Some(*channel) != without);
-    channels.map(|channel| (a[channel] - b[channel]).norm_sqr()).sum()
+/// Sum of squares of all channels or those `without` one.
+fn energy(of: &Readings, without: Option<usize>) -> f64 {
+    let counted = of.iter().enumerate().filter(|(i, _)| Some(channel_of(*i)) != without);
+    counted.map(|(_, a)| a * a).sum()
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-use crate::cor_library::Library;
+use crate::cor_library::{CoilResponse, Library};
 use upm_core::coded_enum;
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Drive, Follows, TwistWave};
@@ -93,6 +93,14 @@ impl PlannedPulse {
                 .drive_with_rest(rotation.entry, rotation.sustain_s, rotation.rest_s)
                 .map(|drive| drive.scaled(rotation.amplitude.copysign(rotation.distance_m))),
             Self::Field(field) => library.field_drive(&field.wave, field.follows, field.sustain_s),
+        }
+    }
+
+    /// The response of the plate to each coil in it; `None` where the library does not give it.
+    pub fn coils(&self, library: &Library) -> Option<CoilResponse> {
+        match self {
+            Self::Rotation(_) => library.rotation_coils(),
+            Self::Field(_) => library.field_coils(),
         }
     }
 }

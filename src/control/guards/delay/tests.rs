@@ -1,4 +1,5 @@
 use super::*;
+use upm_core::geometry::Twist;
 use upm_core::signal::TwistHarmonic;
 
 const FRAME_HZ: f64 = 60.0;
@@ -25,7 +26,7 @@ fn frames(swing: &PlateSwing) -> u32 {
 }
 
 /// Findings in four consecutive pulses of `swing`, in frames that are `late` frames late.
-fn found(late: u32, swing: &PlateSwing) -> [Option<PictureLag>; 4] {
+fn found(late: u32, swing: &PlateSwing) -> [Option<usize>; 4] {
     let frames = frames(swing);
     let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
     let begin_s = |number: u32| f64::from(3 + number * frames) * FRAME_S + 0.001;
@@ -50,9 +51,9 @@ fn delay_is_measured_to_the_frame_by_the_third_pulse() {
             let (found, period) = (found(late, &pulse), frames(&pulse) as usize);
             let named = found[..3].iter().flatten().next();
             // two pulses may be over before one is visible
-            let delay = found.iter().flatten().find(|&&late| late != PictureLag::Unseen);
+            let delay = found.iter().flatten().find(|&&late| late != NEVER);
             // pulses at equal intervals look alike
-            let is_right = |&late_by: &PictureLag| matches!(late_by, PictureLag::By(by) if by.abs_diff(late as usize) % period == 0);
+            let is_right = |by: &usize| *by != NEVER && by.abs_diff(late as usize).is_multiple_of(period);
             assert!(named.is_some() && delay.is_some_and(is_right), "{late}: {found:?}");
         }
     }
@@ -112,7 +113,7 @@ fn stamps_that_are_off_by_a_part_of_a_frame_hide_no_late_pictures() {
     };
     let driven_px = (0..30).map(|i| pulse.corner_px(f64::from(i) * FRAME_S)).fold(0.0, f64::max);
     let higher = 0.9 * FARTHEST_PX / driven_px;
-    assert_eq!(found(6, higher), Some(PictureLag::By(6)));
+    assert_eq!(found(6, higher), Some(6));
     assert_eq!(found(0, higher), None);
 }
 
@@ -134,7 +135,7 @@ fn late_pictures_with_a_stuttering_coil_are_detected_by_swing_shape() {
         })
     };
     assert_eq!(found(0), [None; 2]);
-    assert_eq!(found(4)[1], Some(PictureLag::By(4)));
+    assert_eq!(found(4)[1], Some(4));
 }
 
 #[test]
@@ -159,7 +160,7 @@ fn equal_pulses_in_which_the_plate_swings_before_its_plan_are_in_time() {
 
 /// Findings in pulses that begin at these frames, in pictures `late` frames late; `height` is the displacement of the
 /// plate in a frame as a multiple of the planned one.
-fn found_in(begins: &[u32], pulse: &PlateSwing, late: u32, height: impl Fn(u32) -> f64) -> Vec<Option<PictureLag>> {
+fn found_in(begins: &[u32], pulse: &PlateSwing, late: u32, height: impl Fn(u32) -> f64) -> Vec<Option<usize>> {
     let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
     let begin_s = |frame: u32| f64::from(frame) * FRAME_S + 0.001;
     let seen_px = |at: u32| {
@@ -200,10 +201,7 @@ fn pulse_that_shows_neither_does_not_hide_late_pictures() {
         let is_second = |frame: u32| (begins[1]..begins[2] - late).contains(&frame);
         let height = |frame: u32| if is_second(frame) { second[0] + second[1] * f64::from(frame % 2) } else { 1.0 };
         let found = found_in(&begins, &pulse, late, height);
-        assert!(
-            found.iter().flatten().all(|lag| *lag == PictureLag::By(late as usize)) && found[2].is_some(),
-            "{found:?}"
-        );
+        assert!(found.iter().flatten().all(|lag| *lag == late as usize) && found[2].is_some(), "{found:?}");
         assert_eq!(found_in(&begins, &pulse, 0, height), [None; 3]);
     }
 }
@@ -234,9 +232,9 @@ fn swing_back_earlier_than_planned_is_not_taken_for_pictures_of_an_earlier_pulse
     let mut guard = DelayGuard::new(FRAME_HZ, LIMIT);
     let earlier = SEEN_PX.iter().map(|px| (px, px)).cycle().take(48);
     for (seen, expected) in earlier.chain(SEEN_PX.iter().zip(&PLANNED_PX)) {
-        guard.frames.push_back(CornerDisplacement { seen: Some(*seen), expected: *expected });
+        guard.frames.push_front((Some(*seen), *expected));
     }
     guard.newest = 60;
-    guard.pulses.push_back((48.5 * FRAME_S, swing(0.3, 30.0, 1.0 / 15.0, 0.05)));
+    guard.pulses.push_front((48.5 * FRAME_S, swing(0.3, 30.0, 1.0 / 15.0, 0.05)));
     assert_eq!(guard.end(), None);
 }

@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use nalgebra::Complex;
 use proptest::prelude::*;
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
@@ -76,8 +77,8 @@ impl TestPlate {
         }
         let harmonics = drive.motors.iter().map(Vec::len).max().unwrap_or(0);
         let answers = coils(harmonics);
-        let velocity = ExpectedMotion { drive: &played, coils: &answers, load_mps2: 0.0, limit: 1.0 }
-            .velocity(harmonics, AS_PLANNED);
+        let velocity =
+            ExpectedMotion { drive: &played, coils: &answers, load_mps2: 0.0, limit: 1.0 }.velocity(harmonics);
         let shown = |i: usize| -> [f64; CHANNELS] {
             let angle = BASE_RADPS * i as f64 / SAMPLE_HZ;
             let sum = |order: i32| -> Vector3<f64> {
@@ -163,9 +164,8 @@ proptest! {
     ) {
         let drive = field(&mut Streams::new(seed).stream("field"), harmonics, periods, size);
         let plate = TestPlate { noise_mps2, coil_gain: error.map(|e| 1.0 + e), ..HEALTHY };
-        let verdict = plate.judged(&drive, seed).verdict;
-        let weak_pulse = matches!(verdict, MotionVerdict::Unreadable { strong: false });
-        prop_assert!(verdict == MotionVerdict::AsPlanned || weak_pulse && size < 20.0, "{verdict:?}");
+        let MotionJudgement { verdict, score, .. } = plate.judged(&drive, seed);
+        prop_assert!(verdict == MotionVerdict::AsPlanned && (score.is_some() || size < 20.0), "{verdict:?} {score:?}");
     }
 
     #[test]
@@ -178,7 +178,7 @@ proptest! {
         ],
     ) {
         let judgement = weak(coil, gain).judged(&strong_field(seed, periods), seed);
-        let MotionVerdict::Coil { coil: found, gain: read } = judgement.verdict else {
+        let MotionVerdict::Coil(found, read) = judgement.verdict else {
             return Err(TestCaseError::fail(format!("{judgement:?}")));
         };
         prop_assert_eq!(found, coil);
@@ -192,7 +192,7 @@ proptest! {
         let mut plate = weak(coil, gain);
         (0..MOTORS).filter(|&of| of != coil).for_each(|of| plate.coil_gain[of] = shared);
         let judgement = plate.judged(&strong_field(seed, 3.0), seed);
-        let MotionVerdict::Coil { coil: found, gain: read } = judgement.verdict else {
+        let MotionVerdict::Coil(found, read) = judgement.verdict else {
             return Err(TestCaseError::fail(format!("{judgement:?}")));
         };
         prop_assert!(found == coil && (read - gain).abs() < 0.03, "{:?} of {}, {}", judgement.verdict, coil, gain);
@@ -201,9 +201,9 @@ proptest! {
     #[test]
     fn single_coil_of_a_rotation_is_blamed_with_its_gain(seed: u64, coil in 0..MOTORS, gain in -1.5..0.8f64) {
         let judgement = weak(coil, gain).judged(&strong_rotation(), seed);
-        let odds = judgement.runner_up.map(|runner_up| runner_up.odds);
+        let odds = judgement.runner_up.map(|(_, odds)| odds);
         prop_assert!(odds.is_none_or(|odds| odds > 100.0), "{:?}", judgement);
-        let MotionVerdict::Coil { coil: found, gain: read } = judgement.verdict else {
+        let MotionVerdict::Coil(found, read) = judgement.verdict else {
             return Err(TestCaseError::fail(format!("{judgement:?}")));
         };
         prop_assert!(found == coil && (read - gain).abs() < 0.02, "{:?} of {}, {}", judgement.verdict, coil, gain);
@@ -216,7 +216,7 @@ proptest! {
     ) {
         let drive = if rotates { strong_rotation() } else { strong_field(seed, 3.0) };
         let verdict = channel(of, gain).judged(&drive, seed).verdict;
-        let MotionVerdict::Channel { channel: found, kind: ChannelFault::Gain(read) } = verdict else {
+        let MotionVerdict::Channel(found, Some(read)) = verdict else {
             return Err(TestCaseError::fail(format!("{verdict:?}")));
         };
         prop_assert!(found == of && (read - gain).abs() < 0.02, "{:?} of {}, {}", verdict, of, gain);
@@ -226,7 +226,7 @@ proptest! {
     #[test]
     fn odds_over_the_runner_up_grow_with_the_fault(seed: u64, coil in 0..MOTORS) {
         let drive = strong_field(seed, 3.0);
-        let odds = |gain: f64| weak(coil, gain).judged(&drive, seed).runner_up.map_or(f64::INFINITY, |r| r.odds);
+        let odds = |gain: f64| weak(coil, gain).judged(&drive, seed).runner_up.map_or(f64::INFINITY, |(_, odds)| odds);
         let [slight, dead] = [odds(0.85), odds(0.0)];
         prop_assert!(slight >= 1.0 && dead >= slight, "{} {}", slight, dead);
     }
@@ -237,7 +237,7 @@ proptest! {
         let plate = TestPlate { swapped: Some([a, b]), ..HEALTHY };
         let coils = [a.min(b), a.max(b)];
         for drive in [strong_field(seed, 2.0), strong_rotation()] {
-            prop_assert_eq!(plate.judged(&drive, seed).verdict, MotionVerdict::Swapped { coils });
+            prop_assert_eq!(plate.judged(&drive, seed).verdict, MotionVerdict::Swapped(coils));
         }
     }
 }
@@ -249,7 +249,7 @@ fn erratic_channel_is_detected_by_the_other_three() {
     // another channel's motion
     trace.counts[2] = trace.counts[1].clone();
     let verdict = judged_trace(&drive, &trace).verdict;
-    assert_eq!(verdict, MotionVerdict::Channel { channel: 2, kind: ChannelFault::Erratic });
+    assert_eq!(verdict, MotionVerdict::Channel(2, None));
 }
 
 #[test]
@@ -266,7 +266,7 @@ fn several_faults_are_not_blamed_on_a_single_one() {
 #[test]
 fn unreadable_strong_pulse_is_distinguished_from_a_short_or_weak_one() {
     let verdict = |plate: &TestPlate, drive: &Drive| plate.judged(drive, 9).verdict;
-    let (strong, weak) = (MotionVerdict::Unreadable { strong: true }, MotionVerdict::Unreadable { strong: false });
+    let (strong, weak) = (MotionVerdict::Unreadable, MotionVerdict::AsPlanned);
     let dead_coils = TestPlate { coil_gain: [0.0; MOTORS], noise_mps2: 0.1, ..HEALTHY };
     let dead_channels = TestPlate { channel_gain: [0.0; CHANNELS], noise_mps2: 0.0, ..HEALTHY };
     for drive in [strong_field(9, 3.0), strong_rotation()] {
@@ -296,7 +296,7 @@ fn parts_on_the_plate_hide_a_weak_coil_only_as_far_as_their_friction_goes() {
         let trace = weak(2, gain).trace(&drive, &mut Streams::new(1).stream("noise"));
         judged_under_load(&drive, &trace, load_mps2).verdict
     };
-    assert!(matches!(verdict(0.9, 0.0), MotionVerdict::Coil { coil: 2, .. }), "{:?}", verdict(0.9, 0.0));
+    assert!(matches!(verdict(0.9, 0.0), MotionVerdict::Coil(2, _)), "{:?}", verdict(0.9, 0.0));
     assert_eq!(verdict(0.9, 10.0), MotionVerdict::AsPlanned);
-    assert!(matches!(verdict(0.0, 10.0), MotionVerdict::Coil { coil: 2, .. }), "{:?}", verdict(0.0, 10.0));
+    assert!(matches!(verdict(0.0, 10.0), MotionVerdict::Coil(2, _)), "{:?}", verdict(0.0, 10.0));
 }
