@@ -100,6 +100,7 @@ fn rotation(library: &Library) -> Result<PlateDrawing, Box<dyn Error>> {
 /// PlateDrawing of one motion for all coins on the right: its forecast for them, and for probe discs on a grid.
 fn field(library: &Arc<Library>) -> Result<PlateDrawing, Box<dyn Error>> {
     let params = PlannerParams {
+        lever_arm_m: 0.1,
         half_side_m: 0.5 * library.plate_side_m,
         edge_margin_m: 1e-3,
         separation_m: 2e-3,
