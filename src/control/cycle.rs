@@ -170,8 +170,11 @@ impl ControlCycle<'_, '_> {
         if is_first {
             self.planning.check_controllable(&observed, &wanted)?;
             self.check_limits()?;
-            self.probe()?;
-            return self.observe_at_rest();
+            // the first segment of a motion without pauses is a probe, too
+            if self.moving().is_none() {
+                self.probe()?;
+                return self.observe_at_rest();
+            }
         }
         for &part in &wanted.blocked {
             let reason = format!("{} is blocked: no free path to its target", self.params.id(part));

@@ -7,6 +7,7 @@ mod judgement;
 mod pump;
 mod rigid;
 mod spectrum;
+mod take_over;
 mod types;
 mod wave;
 mod window;
@@ -19,6 +20,7 @@ pub use judgement::{BEARABLE_GAINS, ExpectedMotion, MotionJudgement, MotionVerdi
 pub use pump::{force_sign, nearest_pump};
 pub use rigid::twist_from_corners;
 pub use spectrum::{OscillatorFit, amplitude_spectrum, axis_lines, fit_oscillator};
+pub use take_over::TakeOver;
 pub use types::{AccelerometerPair, AxisPhasors, Coefficients, FitFault, PlateFit, PumpWaveQuality, TwistFit, WaveFit};
 pub use wave::fit_wave;
 pub use window::{MAX_PERIODS, SteadyWindow, accelerations_mps2, sustain_window};

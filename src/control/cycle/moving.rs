@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 
 use super::ControlCycle;
 use super::play::drive_of;
-use crate::guards::{PlateSwing, SwingFade};
+use crate::guards::{PlateSwing, SwingFade, went};
 use crate::perception::FramePurpose;
 use crate::pulse_planner::PulsePlanner;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
@@ -14,7 +14,8 @@ use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
 use upm_core::signal::Drive;
 use upm_core::time::PlateTime;
-use upm_perception::estimation::FitFault;
+use upm_perception::estimation::{ExpectedMotion, FitFault, MotionJudgement, PlateFit, TakeOver, judge};
+use upm_planning::cor_library::CoilResponse;
 use upm_planning::planner::{MovingPlanner, Plan, PlanStatus, PlannedPulse, Segment};
 use upm_planning::task::Setpoints;
 
@@ -35,7 +36,7 @@ struct PlannedSegment {
 
 impl ControlCycle<'_, '_> {
     /// The planner of motions without pauses; `None` where the run has another.
-    fn moving(&mut self) -> Option<&mut MovingPlanner> {
+    pub(super) fn moving(&mut self) -> Option<&mut MovingPlanner> {
         match &mut self.planning.planner {
             PulsePlanner::Moving(planner) => Some(planner),
             _ => None,
@@ -50,17 +51,19 @@ impl ControlCycle<'_, '_> {
     }
 
     fn move_until_rest(&mut self, wanted: Setpoints) -> OrEnd<Vec<Vec2>> {
+        let Some(coils) = self.library.segment_coils() else {
+            return Break(RunEnd::failed("the library has no response to segments"));
+        };
         let mut present = self.plan_segment(wanted)?;
-        let mut started_at = self.io.rig.now();
+        let (mut started_at, mut fading, mut segments) = (self.io.rig.now(), None, 0);
         self.perception.expect_pulse(started_at, None, Some(self.swing_after(&present, None)));
         flow(self.io.rig.play(&present.drive))?;
-        let mut segments = 0;
         loop {
             self.begin_segment();
             let started = self.io.clock.elapsed();
             let (observed_at, before_m) = (self.perception.seen_at(), self.places_m());
-            let next = if present.segment.sets_down { None } else { self.plan_next(started_at, segments)? };
             let sets_down = present.segment.sets_down;
+            let next = if sets_down { None } else { self.plan_next(started_at, segments)? };
             let forecast_m = if sets_down { present.segment.ends_m.clone() } else { self.next_places_m() };
             let ends_at = match &next {
                 Some(next) => flow(self.io.rig.take_over(&next.drive))?,
@@ -69,64 +72,81 @@ impl ControlCycle<'_, '_> {
             let followed = self.follow_segment(started_at, next.as_ref().map(|_| ends_at), &forecast_m);
             let is_over = next.is_none() || self.perception.motors_stopped;
             let after_m = if is_over { self.perception.positions_m() } else { self.places_m() };
-            let trace = self.io.rig.trace();
-            let PlannedSegment { segment, drive, wanted, plan_us } = present;
-            let positions = PulsePositions {
-                before_m: before_m.clone(),
-                after_m: after_m.clone(),
-                by_library_m: forecast_m.clone(),
-                by_learning_m: forecast_m,
-            };
-            let planned = PlannedPulse::Field(segment.pulse);
-            let fit = Err(FitFault::Unreadable("the plate is never at full height"));
-            let facts = PulseFacts {
-                cycle: self.index,
-                started_at,
-                planned: planned.clone(),
-                is_probe: false,
-                drive,
-                trace,
-                fit,
-                positions: (self.perception.frames_missing() == 0).then_some(positions),
-            };
+            let steps =
+                PulsePositions { before_m, after_m, by_library_m: forecast_m.clone(), by_learning_m: forecast_m };
+            let (facts, judged) = self.read_segment(&present, started_at, (fading.take(), &coils), &steps);
             if !is_stopped(&followed) {
                 self.io.sink.pulse(&facts);
             }
             followed?;
-            let plan = Plan {
-                status: PlanStatus::Solved,
-                pulses: vec![planned],
-                predicted_m: vec![segment.ends_m],
-                ..Plan::default()
-            };
             let cycle_us = (self.io.clock.elapsed() - started).as_secs_f64() * 1e6;
-            self.io.sink.cycle(&CycleFacts {
-                index: self.index,
-                observed_at,
-                observed_m: before_m,
-                wanted,
-                plan,
-                ended_at: self.perception.seen_at(),
-                result_m: after_m,
-                plan_us,
-                cycle_us,
-            });
-            self.index += 1;
+            self.end_cycle(present, observed_at, steps, cycle_us);
             segments += 1;
             if !self.perception.motors_stopped {
-                self.doubt_segment(facts.positions.as_ref())?;
+                self.doubt_segment(&facts, judged)?;
             }
             match next {
                 Some(next) if !is_over => {
                     let swing = self.swing_after(&next, Some(&facts.planned));
                     self.perception.delay.begin(ends_at.secs(), swing);
-                    (present, started_at) = (next, ends_at);
+                    (present, started_at, fading) = (next, ends_at, Some(facts.drive));
                 }
                 _ => break,
             }
         }
         let is_seen = !self.perception.invalidates_plan() && self.perception.frames_missing() == 0;
         if is_seen { Continue(self.perception.positions_m()) } else { self.observe_at_rest() }
+    }
+
+    /// The facts of a segment that began at `started_at` and in which the parts went as in `steps`, and the judgement
+    /// of the accelerometers; the drive `fading` was playing before.
+    fn read_segment(
+        &self,
+        present: &PlannedSegment,
+        started_at: PlateTime,
+        (fading, coils): (Option<Drive>, &CoilResponse),
+        steps: &PulsePositions,
+    ) -> (PulseFacts, Option<MotionJudgement>) {
+        let (trace, drive, sensors) = (self.io.rig.trace(), present.drive.clone(), self.sensors());
+        let take_over = TakeOver::new(&trace, fading, &drive);
+        let expected = |take_over| ExpectedMotion { take_over: Some(take_over), ..self.expected(&drive, coils) };
+        let fit = take_over.as_ref().map_err(FitFault::clone);
+        let fit = fit.and_then(|t| expected(t).fit_take_over(&trace, &sensors)).map(PlateFit::Wave);
+        let judged = take_over.iter().next().map(|t| judge(&expected(t), fit.as_ref(), &sensors));
+        let facts = PulseFacts {
+            cycle: self.index,
+            started_at,
+            planned: PlannedPulse::Field(present.segment.pulse.clone()),
+            is_probe: false,
+            drive,
+            trace,
+            fit,
+            positions: (self.perception.frames_missing() == 0).then(|| steps.clone()),
+        };
+        (facts, judged)
+    }
+
+    /// Reports a segment as a cycle of its own.
+    fn end_cycle(&mut self, present: PlannedSegment, observed_at: PlateTime, steps: PulsePositions, cycle_us: f64) {
+        let PlannedSegment { segment, wanted, plan_us, .. } = present;
+        let plan = Plan {
+            status: PlanStatus::Solved,
+            pulses: vec![PlannedPulse::Field(segment.pulse)],
+            predicted_m: vec![segment.ends_m],
+            ..Plan::default()
+        };
+        self.io.sink.cycle(&CycleFacts {
+            index: self.index,
+            observed_at,
+            observed_m: steps.before_m,
+            wanted,
+            plan,
+            ended_at: self.perception.seen_at(),
+            result_m: steps.after_m,
+            plan_us,
+            cycle_us,
+        });
+        self.index += 1;
     }
 
     /// Plans the segment after the present one, for the places that the parts will have at its end; `None` where the
@@ -196,9 +216,14 @@ impl ControlCycle<'_, '_> {
         Continue(())
     }
 
-    /// Compares a segment with its plan: the pictures' timing, the parts' steps.
-    fn doubt_segment(&mut self, positions: Option<&PulsePositions>) -> OrEnd {
-        self.check_picture_delay(true)?;
+    /// Compares a segment with its plan: the plate's motion, the pictures' timing, the parts' steps.
+    fn doubt_segment(&mut self, facts: &PulseFacts, judged: Option<MotionJudgement>) -> OrEnd {
+        let sight = self.sight(facts.positions.as_ref().and_then(went));
+        let found = judged.and_then(|judged| self.motion.check(&judged, sight));
+        let is_as_planned = self.report(found)?;
+        self.check_frozen(is_as_planned)?;
+        self.check_picture_delay(is_as_planned)?;
+        let positions = facts.positions.as_ref();
         let found = positions.and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
         self.report_step(found)
     }

@@ -121,7 +121,8 @@ impl ControlCycle<'_, '_> {
 
     /// The expected motion of a pulse.
     pub(super) fn expected<'a>(&self, drive: &'a Drive, coils: &'a CoilResponse) -> ExpectedMotion<'a> {
-        ExpectedMotion { drive, coils, load_mps2: self.load_mps2, limit: self.limits.motion_limit }
+        let limit = self.limits.motion_limit;
+        ExpectedMotion { drive, coils, load_mps2: self.load_mps2, limit, take_over: None }
     }
 
     /// A pulse as the camera saw it, in which most parts went this way.

@@ -74,10 +74,16 @@ impl ControlCycle<'_, '_> {
     fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> OrEnd {
         let found = self.read_probe(expected, fit);
         let is_as_planned = self.report(found)?;
+        self.check_frozen(is_as_planned)?;
+        self.check_picture_delay(is_as_planned)
+    }
+
+    /// Ends a run whose pictures show nothing of the first pulse.
+    pub(super) fn check_frozen(&mut self, is_as_planned: bool) -> OrEnd {
         if is_as_planned && !self.perception.has_changed() && self.params.guards.has(Finding::CameraFrozen) {
             let reason = "no picture differs from the first, and the plate was shaken".to_owned();
             return Break(self.end_by(Finding::CameraFrozen, reason));
         }
-        self.check_picture_delay(is_as_planned)
+        Continue(())
     }
 }

@@ -227,7 +227,7 @@ impl PlateSwing {
     }
 }
 
-/// The plate's place and turn where `integral` of a harmonic's rate, over that rate, times its velocity gives its place.
+/// The plate's place and turn: the sum over harmonics of velocity times `integral` of the rate, over the rate.
 fn place(wave: &TwistWave, t_s: f64, integral: impl Fn(f64) -> Complex<f64>) -> Vector3<f64> {
     let displaced = (1..).zip(&wave.harmonics).map(|(k, harmonic)| {
         let rate = f64::from(k) * wave.base_radps;

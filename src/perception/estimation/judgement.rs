@@ -11,9 +11,10 @@
 use nalgebra::{DVector, SMatrix, SVector, Vector3};
 
 use super::accelerometer_phasors::{Velocity, accelerometer_phasors};
+use super::take_over::TakeOver;
 use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2, WaveFit};
 use upm_core::geometry::Vec2;
-use upm_core::signal::{CHANNELS, Drive, Harmonic, MOTORS, TwistHarmonic, TwistWave};
+use upm_core::signal::{AccelTrace, CHANNELS, Drive, Harmonic, MOTORS, TwistHarmonic, TwistWave};
 
 /// Tolerance of a coefficient in standard deviations when two periods or more were read, and when a single one was: the
 /// fit's polynomial then follows the plate's resonance only in part, and healthy coefficients are up to 8 off.
@@ -64,6 +65,8 @@ pub struct ExpectedMotion<'a> {
     pub load_mps2: f64,
     /// Deviation, in tolerances, from which on a motion is not as planned, and an explanation does not hold.
     pub limit: f64,
+    /// The motion that fades while this one rises, and the trace of that; `None` for pulses with a sustain.
+    pub take_over: Option<&'a TakeOver>,
 }
 
 /// Deviation of a pulse from the plan, and its explanation.
@@ -130,6 +133,15 @@ impl ExpectedMotion<'_> {
         TwistWave { base_radps: self.drive.base_radps, harmonics }
     }
 
+    /// Fits the plate's motion to the trace of a take-over.
+    ///
+    /// # Errors
+    /// As [`super::fit_wave`], and [`FitFault::Unreadable`] for a motion that takes over from none.
+    pub fn fit_take_over(&self, trace: &AccelTrace, sensors: &AccelerometerPair) -> Result<WaveFit, FitFault> {
+        let take_over = self.take_over.ok_or(FitFault::Unreadable("no motion takes over"))?;
+        take_over.fit(trace, self.drive, |drive| self.velocity_of(drive, self.harmonics()), sensors)
+    }
+
     fn harmonics(&self) -> usize {
         self.drive.motors.iter().map(Vec::len).max().unwrap_or(0)
     }
@@ -147,14 +159,28 @@ impl ExpectedMotion<'_> {
 
     /// The accelerometers' readings of [`Self::velocity`].
     fn readings(&self, harmonics: usize, sensors: &AccelerometerPair) -> Readings {
+        if let Some(take_over) = self.take_over {
+            let velocity = |drive: &Drive| self.velocity_of(drive, harmonics);
+            let coefficients = take_over.coefficients(self.drive, velocity, sensors.position_m);
+            // cos and sin of a channel are the parts of its phasor `cos - j sin`
+            return Readings::from_fn(COEFFICIENTS * harmonics, |i, _| {
+                let (harmonic, channel) = (i / COEFFICIENTS, channel_of(i));
+                coefficients[(2 * harmonic + i % 2, channel)] * [1.0, -1.0][i % 2]
+            });
+        }
         let phasors = accelerometer_phasors(&self.velocity(harmonics), self.drive.base_radps, sensors.position_m);
         Readings::from_iterator(COEFFICIENTS * harmonics, phasors.iter().flatten().flat_map(|a| [a.re, a.im]))
     }
 
     /// The plate's velocity in `harmonics` harmonics; those absent from drive or response are zero.
     fn velocity(&self, harmonics: usize) -> Velocity {
+        self.velocity_of(self.drive, harmonics)
+    }
+
+    /// The same under another drive.
+    fn velocity_of(&self, drive: &Drive, harmonics: usize) -> Velocity {
         let mut velocity = vec![Vector3::zeros(); harmonics];
-        for (answers, wave) in self.coils.iter().zip(&self.drive.motors) {
+        for (answers, wave) in self.coils.iter().zip(&drive.motors) {
             for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(wave) {
                 *sum += answer.phasor() * counts.phasor();
             }
@@ -277,10 +303,13 @@ impl<'a> PulseJudge<'a> {
     }
 
     /// The readings of another drive than the planned one.
-    fn driven(&self, change: impl FnOnce(&mut [Vec<Harmonic>; MOTORS])) -> Readings {
+    fn driven(&self, change: impl Fn(&mut [Vec<Harmonic>; MOTORS])) -> Readings {
         let mut drive = self.expected.drive.clone();
         change(&mut drive.motors);
-        ExpectedMotion { drive: &drive, ..*self.expected }.readings(self.planned.len() / COEFFICIENTS, self.sensors)
+        let mut take_over = self.expected.take_over.cloned();
+        take_over.iter_mut().filter_map(|t| t.last.as_mut()).for_each(|last| change(&mut last.motors));
+        ExpectedMotion { drive: &drive, take_over: take_over.as_ref(), ..*self.expected }
+            .readings(self.planned.len() / COEFFICIENTS, self.sensors)
     }
 
     /// True when noise exceeds the planned motion in every harmonic.

@@ -45,14 +45,50 @@ pub fn fit_wave(
     }
     refuse_cut_short(trace, envelope)?;
     let measured = DMatrix::from_columns(&accelerations_mps2(trace, &window)?.map(Into::into));
-    let regressors = regressors(&window, base_radps, harmonics);
-    let normal = regressors.tr_mul(&regressors).cholesky();
-    let factor = normal.ok_or(FitFault::Unreadable("harmonics cannot be told from drift"))?;
-    let solution = factor.solve(&regressors.tr_mul(&measured));
-    let left_over = &measured - &regressors * &solution;
+    let basis = HarmonicBasis::new(&window, base_radps, harmonics)?;
+    wave_fit(&basis, &measured, None, base_radps, sensors)
+}
+
+/// Harmonics and a polynomial at the samples of a window, and the inverse of their normal matrix.
+#[derive(Clone, Debug)]
+pub(super) struct HarmonicBasis {
+    harmonics: usize,
+    regressors: DMatrix<f64>,
+    covariance: DMatrix<f64>,
+}
+
+impl HarmonicBasis {
+    pub fn new(window: &SteadyWindow, base_radps: f64, harmonics: usize) -> Result<Self, FitFault> {
+        let regressors = regressors(window, base_radps, harmonics);
+        let normal = regressors.tr_mul(&regressors).cholesky();
+        let factor = normal.ok_or(FitFault::Unreadable("harmonics cannot be told from drift"))?;
+        Ok(Self { harmonics, regressors, covariance: factor.inverse() })
+    }
+
+    /// Coefficients of each column of `series`.
+    pub fn solve(&self, series: &DMatrix<f64>) -> DMatrix<f64> {
+        &self.covariance * self.regressors.tr_mul(series)
+    }
+}
+
+/// The plate's motion from `measured` readings (columns, m/s²) less those in `known`, which are added to what was
+/// fitted.
+pub(super) fn wave_fit(
+    basis: &HarmonicBasis,
+    measured: &DMatrix<f64>,
+    known: Option<&DMatrix<f64>>,
+    base_radps: f64,
+    sensors: &AccelerometerPair,
+) -> Result<WaveFit, FitFault> {
+    let HarmonicBasis { harmonics, regressors, covariance } = basis;
+    let mut solution = basis.solve(measured);
+    let left_over = measured - regressors * &solution;
+    if let Some(known) = known {
+        solution += basis.solve(known);
+    }
     let coefficient = |row: usize, channel: usize| solution[(row, channel)] / sensors.gain[channel];
     let accel_mps2: [Vec<[f64; 2]>; CHANNELS] = std::array::from_fn(|channel| {
-        (0..harmonics).map(|k| [coefficient(2 * k, channel), coefficient(2 * k + 1, channel)]).collect()
+        (0..*harmonics).map(|k| [coefficient(2 * k, channel), coefficient(2 * k + 1, channel)]).collect()
     });
     let found_mps2 = accel_mps2.iter().flatten().map(|[c, s]| libm::hypot(*c, *s)).fold(0.0, f64::max);
     if found_mps2 < WEAKEST_MPS2 || !found_mps2.is_finite() {
@@ -61,9 +97,9 @@ pub fn fit_wave(
     let residual_rms_mps2 = (left_over.norm_squared() / left_over.len() as f64).sqrt();
     let wave = twist_wave(&accel_mps2, base_radps, sensors.position_m);
     let freedom = CHANNELS * left_over.nrows().saturating_sub(regressors.ncols()).max(1);
-    let (residual_variance, covariance) = (left_over.norm_squared() / freedom as f64, factor.inverse());
+    let residual_variance = left_over.norm_squared() / freedom as f64;
     let sd = |k: usize| (residual_variance * covariance[(k, k)]).sqrt();
-    let accel_sd_mps2 = (0..harmonics).map(|k| [sd(2 * k), sd(2 * k + 1)]).collect();
+    let accel_sd_mps2 = (0..*harmonics).map(|k| [sd(2 * k), sd(2 * k + 1)]).collect();
     let channel_residual_mps2 =
         std::array::from_fn(|channel| (left_over.column(channel).norm_squared() / left_over.nrows() as f64).sqrt());
     Ok(WaveFit { accel_mps2, accel_sd_mps2, channel_residual_mps2, residual_rms_mps2, wave })

@@ -27,6 +27,11 @@ impl Library {
         self.fields.as_ref().map(|fields| self.coil_response(&fields.twist_from_counts))
     }
 
+    /// The same in a segment of a motion without pauses.
+    pub fn segment_coils(&self) -> Option<CoilResponse> {
+        self.segment_response().map(|fields| self.coil_response(&fields.twist_from_counts))
+    }
+
     /// Response of the plate to each coil in a rotation, by least squares over the entries' pumps and with the axes'
     /// waveforms removed; `None` where the entries do not move every axis.
     pub fn rotation_coils(&self) -> Option<CoilResponse> {

@@ -8,8 +8,8 @@ use nalgebra::{Complex, Matrix3};
 use super::{FieldResponse, Library, PlateResponse};
 
 impl Library {
-    /// The response to the harmonics of half the fields' base frequency, with flanks of one period; `None` where the rig
-    /// has no fields.
+    /// The response to the harmonics of half the fields' base frequency, with flanks of one period; `None` where the
+    /// rig has no fields.
     ///
     /// Even harmonics were measured. Between them the plate on its rods ([`PlateResponse`]) is taken out: the rest, the
     /// gain and the lag of the motors, changes little from one harmonic to the next and is interpolated. On `upm-2` the

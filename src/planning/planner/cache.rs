@@ -18,7 +18,7 @@ impl<K: Clone + PartialEq, V> Cache<K, V> {
         Self(Mutex::new(VecDeque::new()))
     }
 
-    /// The value of `key`. A thread that asks for it while another computes it waits, but for no other value.
+    /// The value of `key`. A thread that asks for it while another computes it waits, and for that value alone.
     pub fn get(&self, key: K, compute: impl FnOnce(&K) -> V) -> Arc<V> {
         let place = self.place(&key);
         Arc::clone(place.get_or_init(|| Arc::new(compute(&key))))

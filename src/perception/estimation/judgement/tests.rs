@@ -77,8 +77,8 @@ impl TestPlate {
         }
         let harmonics = drive.motors.iter().map(Vec::len).max().unwrap_or(0);
         let answers = coils(harmonics);
-        let velocity =
-            ExpectedMotion { drive: &played, coils: &answers, load_mps2: 0.0, limit: 1.0 }.velocity(harmonics);
+        let velocity = ExpectedMotion { drive: &played, coils: &answers, load_mps2: 0.0, limit: 1.0, take_over: None }
+            .velocity(harmonics);
         let shown = |i: usize| -> [f64; CHANNELS] {
             let angle = BASE_RADPS * i as f64 / SAMPLE_HZ;
             let sum = |order: i32| -> Vector3<f64> {
@@ -129,7 +129,11 @@ fn judged_under_load(drive: &Drive, trace: &AccelTrace, load_mps2: f64) -> Motio
     } else {
         fit_wave(trace, &drive.envelope, BASE_RADPS, harmonics, &SENSORS).map(PlateFit::Wave)
     };
-    judge(&ExpectedMotion { drive, coils: &coils(harmonics), load_mps2, limit: 1.0 }, fit.as_ref(), &SENSORS)
+    judge(
+        &ExpectedMotion { drive, coils: &coils(harmonics), load_mps2, limit: 1.0, take_over: None },
+        fit.as_ref(),
+        &SENSORS,
+    )
 }
 
 fn weak(coil: usize, gain: f64) -> TestPlate {

@@ -35,7 +35,7 @@ const FALLS: f64 = 0.93;
 const WEIGHT_POWER: f64 = -0.25;
 const WEIGHT_OFFSET: f64 = 0.2;
 
-/// What a segment should do.
+/// The purpose of a segment.
 #[derive(Clone, Debug)]
 pub(super) enum Goal {
     /// Drifts at its end: `drift + rate · place = aim` for each part.
@@ -67,7 +67,7 @@ impl MovingPart {
     }
 }
 
-/// What motions have carried parts with so far.
+/// The strength with which motions have carried parts so far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Aims {
     /// Share of full friction.
@@ -80,7 +80,7 @@ impl Default for Aims {
     }
 }
 
-/// What the next segment should do.
+/// The wish for the next segment.
 #[derive(Clone, Debug)]
 pub(super) struct Wish {
     pub goal: Goal,

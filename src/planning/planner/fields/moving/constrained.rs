@@ -8,8 +8,8 @@
 //! ```
 //!
 //! The unconstrained step lies in the span of the gradients, and so does the constrained one: it leaves out most of the
-//! coefficients. Rows are generated: the program is solved, its answer is played in the model, and gaps that this closes
-//! are added.
+//! coefficients. Rows are generated: the program is solved, its answer is played in the model, and the gaps closed by
+//! that are added.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -1,4 +1,4 @@
-//! What the planner knows of a rig.
+//! The planner's knowledge of a rig.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub(super) struct MovingModel {
     pub friction: f64,
 }
 
-/// What motors and plate allow.
+/// The limits of motors and plate.
 #[derive(Clone, Debug)]
 pub(super) struct MotionLimits {
     pub counts: f64,

@@ -58,7 +58,7 @@ impl Motion {
         }
     }
 
-    /// The motion `coefficients`, as strong as the limits allow, or as near to it as the cross-fade from `last` permits.
+    /// The motion `coefficients`, as strong as the limits allow, or as near to it as the change from `last` permits.
     pub fn strongest(model: &MovingModel, edges: &[NearEdge], coefficients: &[f64], last: &Self) -> Self {
         Self::scaled(model, edges, coefficients, last, 0.0)
     }
