@@ -87,12 +87,14 @@ def plus_sign(rng, _, __):
 def make(rng, seed):
     """A job that a healthy rig completes."""
     rig = rng.choice(("upm-1", "upm-2", "upm-2"))
-    planner = rng.choice(("synthesized_field", "synthesized_field", "cor_sequence")) if rig == "upm-2" else "cor_sequence"
+    planner = rng.choice(("moving_field", "synthesized_field", "cor_sequence")) if rig == "upm-2" else "cor_sequence"
     # rotations carry few parts in a time that a campaign has
-    most = {"upm-1": 1, "upm-2": 30 if planner == "synthesized_field" else 6}[rig]
+    most = {"upm-1": 1, "upm-2": 6 if planner == "cor_sequence" else 30}[rig]
     count = min(most, round(math.exp(rng.uniform(math.log(2), math.log(30)))))
     maker = rng.choice((plus_sign, hold) if count == 1 else (arrange, arrange, arrange, sort, paths, hold))
     parts, task = maker(rng, rig, count)
+    if planner == "moving_field" and task["type"] not in ("arrange", "sort"):
+        planner = "synthesized_field"
     described = rig_of(rig, rng.random() < 0.5)
     described["friction"]["spread"] = round(rng.uniform(0.0, 0.2), 3)
     described["camera"]["read_noise"] = round(described["camera"]["read_noise"] * rng.uniform(0.5, 2.0), 3)

@@ -5,7 +5,8 @@ use tempfile::TempDir;
 
 use super::testing::{job_in_configs, options, with_small_pictures};
 use super::*;
-use upm_core::job::{Finding, Outcome, StopCause};
+use crate::config::PlannerChoice;
+use upm_core::job::{CameraMode, Finding, Outcome, StopCause};
 use upm_core::time::MonotonicClock;
 use upm_recording::Verdict as Truth;
 
@@ -28,6 +29,31 @@ fn job_of(task: &Value, faults: &Value) -> JobSpec {
         text["faults"] = faults.clone();
     }
     job_in_configs(&text)
+}
+
+/// The parts of [`job`], moved without a pause.
+fn moving(faults: &Value) -> Report {
+    let job = job(faults).with_camera(CameraMode::Positions).with_planner(PlannerChoice::MovingField);
+    played(&job).1.report
+}
+
+#[test]
+fn parts_arrive_without_a_pause_and_the_senses_watch_them() {
+    let report = moving(&Value::Null);
+    assert_eq!((report.outcome, report.verdict), (Outcome::Completed, Some(Truth::True)), "{report:?}");
+    assert!(report.plate_time_s < PLAIN.0.plate_time_s, "{} s", report.plate_time_s);
+    let fault = |component, kind, from_s| json!({"component": component, "kind": kind, "from_s": from_s});
+    let mut late = fault("camera", "late", 0.0);
+    late["value"] = json!(6);
+    for (fault, finding) in [
+        (fault("coil1", "dead", 0.4), Finding::CoilFault),
+        (late, Finding::CameraLate),
+        (fault("camera", "freeze", 0.3), Finding::CameraFrozen),
+        (fault("part0", "glued", 0.0), Finding::PartStuck),
+    ] {
+        let stop = moving(&json!([fault])).stop.map(|stop| stop.code);
+        assert_eq!(stop, Some(StopCause::Found(finding)), "{fault}");
+    }
 }
 
 fn run_of(faults: &Value) -> (TempDir, RunResult) {
