@@ -127,13 +127,14 @@ pub trait Rig {
     /// [`RigFault::Device`] when the device fails.
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault>;
 
-    /// Lets `drive` take over from the playing pulse without a pause, at the end of that pulse's attack, or of its sustain
-    /// where the attack is over: the old pulse decays while the new one rises. Where nothing takes over in time, a pulse
-    /// plays to its end. Returns the time at which `drive` starts. Only motions without pauses need it.
+    /// Lets `drive` take over from the playing pulse without a pause, at the end of that pulse's attack, or of its
+    /// sustain where the attack is over: the old pulse decays while the new one rises. Where nothing takes over in
+    /// time, a pulse plays to its end. Returns the time at which `drive` starts. Only motions without pauses need it.
     ///
     /// # Errors
     /// Those of [`Rig::play`]; [`RigFault::TooLate`] where no pulse is playing, its decay has begun, or another one
-    /// takes over already, and [`RigFault::Device`] from rigs that play one pulse at a time. The present pulse plays on.
+    /// takes over already, and [`RigFault::Device`] from rigs that play one pulse at a time. The present pulse goes
+    /// on.
     fn take_over(&mut self, _drive: &Drive) -> Result<PlateTime, RigFault> {
         Err(RigFault::Device("this rig plays one pulse at a time: take another planner than moving_field".into()))
     }

@@ -90,12 +90,12 @@ pub struct MotionJudgement {
 pub enum MotionVerdict {
     /// The plate moved as planned, or was planned to move so little or briefly that it need not be readable.
     AsPlanned,
-    /// The plate moved as planned, but the accelerometer channel of this index does not show it. Beside it the gain with
-    /// which it shows the motion: 0 where it is dead, -1 where its sign is wrong; `None` where it shows something else,
-    /// and the other three agree with the plan.
+    /// The plate moved as planned, but the accelerometer channel of this index does not show it. Beside it the gain
+    /// with which it shows the motion: 0 where it is dead, -1 where its sign is wrong; `None` where it shows something
+    /// else, and the other three agree with the plan.
     Channel(usize, Option<f64>),
-    /// The coil at this index into [`upm_core::signal::Motor::ALL`] does not give its planned force. Beside it the share
-    /// that it gives: 0 for a dead coil, -1 for a reversed one.
+    /// The coil at this index into [`upm_core::signal::Motor::ALL`] does not give its planned force. Beside it the
+    /// share that it gives: 0 for a dead coil, -1 for a reversed one.
     Coil(usize, f64),
     /// The coils at these indices are exchanged: each plays the other's signal.
     Swapped([usize; 2]),
