@@ -47,7 +47,7 @@ pub struct FrameFacts<'a> {
     /// True while the pictures are unreliable and control waits for that to end; control ends the run when it has
     /// waited for too long.
     pub blind: bool,
-    /// True for the frame that starts a cycle, taken with everything at rest.
+    /// True for the frame that starts a cycle, taken with everything at rest; in motion for some that do.
     pub starts_cycle: bool,
     /// Wall time tracking took, µs; 0 when no clock runs.
     pub track_us: f64,

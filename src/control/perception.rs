@@ -53,6 +53,8 @@ pub enum FramePurpose {
     Pulse,
     /// To start the next cycle as soon as everything is at rest.
     Cycle,
+    /// To start a cycle that does not wait for rest.
+    Segment,
 }
 
 /// Turns the camera's frames into part positions: locates the table once, tracks every part in every frame, and checks
@@ -165,7 +167,7 @@ impl Perception {
             tracks: self.tracker.tracks(),
             driving: !at_rest,
             blind: blind.is_some(),
-            starts_cycle: is_plain && purpose == FramePurpose::Cycle,
+            starts_cycle: purpose == FramePurpose::Segment || is_plain && purpose == FramePurpose::Cycle,
             track_us,
         });
         self.settle_blind(blind, io)?;

@@ -22,6 +22,8 @@ use upm_planning::task::Setpoints;
 /// Segments that count as one cycle for the watch of a run's progress: as long as a pulse from rest with its rest.
 const SEGMENTS_A_CYCLE: u64 = 5;
 
+/// Segments from one recorded picture to the next: five pictures a second, as many as pulses from rest have at most.
+const SHOWN_EVERY: u64 = 3;
 /// Frames without a part after which the plate comes to rest: it may have been carried under something, or over the
 /// edge.
 const UNSEEN_FRAMES: u32 = 6;
@@ -203,8 +205,10 @@ impl ControlCycle<'_, '_> {
             self.perception.expect_places(forecast_m);
             return self.follow(FramePurpose::Cycle);
         };
+        let is_shown = self.index.is_multiple_of(SHOWN_EVERY);
+        let mut purpose = if is_shown { FramePurpose::Segment } else { FramePurpose::Pulse };
         while self.io.rig.now() < until && !self.perception.motors_stopped {
-            self.perception.observe(self.io, FramePurpose::Pulse)?;
+            self.perception.observe(self.io, std::mem::replace(&mut purpose, FramePurpose::Pulse))?;
             self.check_stop()?;
             self.check_lost()?;
             if 2 * self.perception.frames_missing_in_clear_view() > self.params.lost_after_frames {
