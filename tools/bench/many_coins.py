@@ -42,6 +42,10 @@ ROTATION_MEDIAN_S = {
     "arrange-2": 6.0, "arrange-4": 14.0, "arrange-8": 36.0, "arrange-16": 150.0,
     "sort-8": 40.0, "sort-12": 120.0, "swap-2": 6.0, "ring-6": 35.0, "bowtie-3": 200.0,
 }  # fmt: skip
+MOVING_MEDIAN_S = {
+    "arrange-2": 1.6, "arrange-4": 1.8, "arrange-8": 3.0, "arrange-16": 8.0, "arrange-24": 25.0, "sort-8": 3.5, "sort-12": 8.0
+}  # fmt: skip
+MEDIAN_S = {ROTATIONS: ROTATION_MEDIAN_S, "moving_field": MOVING_MEDIAN_S}
 ROTATION_P99_MS = {"arrange-8": (80.0, 3.0), "arrange-16": (250.0, 10.0)}
 ROTATION_RECORDED, ROTATION_RECORDED_SPEED = "arrange-16", 10.0
 
@@ -52,6 +56,7 @@ PLANNERS = {
     "pseudo_inverse": "pseudo-inverse, 2N fixed centres",
     "cor_sequence": "COR sequences",
     "synthesized_field": "synthesised fields",
+    "moving_field": "without pauses",
 }
 
 
@@ -323,7 +328,7 @@ def main():
     args = parser.parse_args()
 
     names = [name for name in JOBS if name in args.only]
-    for name, bar in ROTATION_MEDIAN_S.items() if args.planner == ROTATIONS else ():
+    for name, bar in MEDIAN_S.get(args.planner, {}).items():
         JOBS[name].median_s = bar
     compared = [name for name in names if name.startswith("arrange-") and JOBS[name].median_s] if args.compare else []
     with tempfile.TemporaryDirectory() as folder:
