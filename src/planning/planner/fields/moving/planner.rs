@@ -13,10 +13,12 @@ use crate::planner::{FieldPulse, PlannerParams};
 use upm_core::geometry::Vec2;
 use upm_core::signal::Follows;
 
-/// Rounds of improvement: of each start from rest, of each other start, of the best one, of each motion of the bank.
+/// Rounds of improvement: of each start from rest, of each other start, of the best one, of each motion of the bank, and
+/// of the best of those.
 const FROM_REST_ROUNDS: usize = 8;
 const FIRST_ROUNDS: usize = 1;
 const ROUNDS: usize = 6;
+const BANK_FIRST_ROUNDS: usize = 3;
 const BANK_ROUNDS: usize = 10;
 /// Motions of the bank that are tried from rest, and where the last motion leaves more than this share of what is
 /// asked.
@@ -264,8 +266,9 @@ impl MovingPlanner {
         let best = starts.iter().map(|start| improved(start, rounds)).reduce(better).unwrap_or_else(still);
         let mut best = problem.improved(best, ROUNDS);
         if wish.is_clipped && !self.is_resting && wish.left(&best.residual) > MUCH_LEFT {
-            for start in self.bank(&around.discs, &wish.changes_mps, BANK) {
-                let other = improved(&start, BANK_ROUNDS);
+            let starts = self.bank(&around.discs, &wish.changes_mps, BANK);
+            if let Some(other) = starts.iter().map(|start| improved(start, BANK_FIRST_ROUNDS)).reduce(better) {
+                let other = problem.improved(other, BANK_ROUNDS);
                 if other.cost < BETTER * best.cost {
                     best = better(best, other);
                 } else {
