@@ -13,8 +13,8 @@ use crate::planner::{FieldPulse, PlannerParams};
 use upm_core::geometry::Vec2;
 use upm_core::signal::Follows;
 
-/// Rounds of improvement: of each start from rest, of each other start, of the best one, of each motion of the bank, and
-/// of the best of those.
+/// Rounds of improvement: of each start from rest, of each other start, of the best one, of each motion of the bank,
+/// and of the best of those.
 const FROM_REST_ROUNDS: usize = 8;
 const FIRST_ROUNDS: usize = 1;
 const ROUNDS: usize = 6;
