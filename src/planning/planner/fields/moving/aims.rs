@@ -4,6 +4,7 @@ use crate::planner::PlannerParams;
 use crate::planner::fields::rollout::RolloutDisc;
 use nalgebra::DVector;
 use upm_core::geometry::Vec2;
+use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
 
 /// Largest speed with which parts approach each other or the edge, per distance left, 1/s.
@@ -42,6 +43,16 @@ pub(super) enum Goal {
     Drifts { rates: Vec<f64>, aims_mps: Vec<Vec2>, weights: Vec<f64> },
     /// Places where the parts come to rest after it has faded out.
     Ends,
+}
+
+impl Goal {
+    /// Time at full height, s: a segment that sets the parts down decays as soon as it has risen.
+    pub fn sustain_s(&self, envelope: &Envelope) -> f64 {
+        match self {
+            Self::Drifts { .. } => envelope.sustain_s,
+            Self::Ends => 0.0,
+        }
+    }
 }
 
 /// A part on the plate, moving.

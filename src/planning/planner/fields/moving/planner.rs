@@ -227,7 +227,7 @@ impl MovingPlanner {
             self.last = Some(Arc::clone(&self.planned));
         }
         let wave = self.model.basis.wave(&self.planned.coefficients);
-        let sustain_s = self.model.envelope.sustain_s;
+        let sustain_s = if sets_down { 0.0 } else { self.model.envelope.sustain_s };
         Segment { pulse: FieldPulse { wave, follows: Follows::Displacement, sustain_s }, sets_down, ends_m }
     }
 

@@ -11,6 +11,7 @@ use crate::planner::PlannerParams;
 use crate::planner::fields::optimizer::{NARROWER, RAISED, REACH, RolloutPool, WIDER, WIDEST, damped_change};
 use crate::planner::fields::rollout::{Rollout, RolloutDisc};
 use upm_core::geometry::Vec2;
+use upm_core::signal::Envelope;
 
 /// Weight of a guard relative to a part's own residual.
 const GUARD: f64 = 5.0;
@@ -80,7 +81,7 @@ impl SegmentProblem<'_> {
     fn judged(&self) -> Range<usize> {
         match self.goal {
             Goal::Drifts { .. } => 0..2 * self.window(),
-            Goal::Ends => 0..3 * self.window(),
+            Goal::Ends => 0..2 * self.window(),
         }
     }
 
@@ -97,7 +98,8 @@ impl SegmentProblem<'_> {
     fn effect(&self, motion: Motion) -> Shot {
         let mut rollout = self.pool.take();
         let plates = [self.last.plate.as_slice(), motion.plate.as_slice()];
-        rollout.run_faded(&self.model.basis, plates, (&self.model.envelope, self.judged()), self.discs);
+        let envelope = Envelope { sustain_s: self.goal.sustain_s(&self.model.envelope), ..self.model.envelope };
+        rollout.run_faded(&self.model.basis, plates, (&envelope, self.judged()), self.discs);
         let (residual, guards): (Vec<Vec2>, _) = match self.goal {
             Goal::Drifts { rates, aims_mps, weights } => {
                 let drifts_mps = rollout.drifts_mps(&self.model.basis, self.window());

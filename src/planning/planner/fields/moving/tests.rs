@@ -158,6 +158,7 @@ fn arranged(library: &Arc<Library>, count: usize, seed: u64, limit_s: f64) -> Ou
         let mut from = still;
         loop {
             planner.begin();
+            let envelope = Envelope { sustain_s: segment.pulse.sustain_s, ..envelope };
             let fade = Fade { from, to: segment.pulse.wave.clone(), envelope };
             let next = (!segment.sets_down).then(|| plan(&mut planner));
             let driven_s = if segment.sets_down { envelope.driven_s() } else { period_s };
