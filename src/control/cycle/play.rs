@@ -141,7 +141,8 @@ impl ControlCycle<'_, '_> {
                 return Break(self.end_by(found, reason));
             }
             self.warn(found, reason);
-            if !self.is_cautious {
+            // parts in motion are followed frame by frame, whatever the coils give
+            if !self.is_cautious && self.moving().is_none() {
                 let text = "steps are shorter from now on: coils or accelerometers are in doubt";
                 self.io.sink.event(&EventFacts::note(self.io.rig.now(), EventLevel::Warning, text));
             }

@@ -280,6 +280,11 @@ fn check_planner(document: &JobFile, rig: &RigSpec, root: &Path, faults: &mut Di
     let allowed = "auto, synthesized_field, or a task of type arrange or sort";
     let is_moving = document.planner == PlannerChoice::MovingField;
     faults.require(!is_moving || goes_to_places, root.key("planner"), found, allowed);
+    // a segment is two periods of the fields' base frequency, and is followed by two frames at least
+    let least_hz = rig.model.fields.map_or(0.0, |fields| fields.base_radps / std::f64::consts::TAU);
+    let allowed = format!("auto, synthesized_field, or a camera of {least_hz:.0} frames a second or more");
+    let found = format!("\"moving_field\" with {} frames a second", rig.model.frame_hz);
+    faults.require(!is_moving || rig.model.frame_hz >= least_hz, root.key("planner"), found, allowed);
 }
 
 /// The groups with their kinds looked up. A kind that is unknown or larger than the plate is reported and gets an

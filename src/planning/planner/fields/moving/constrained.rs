@@ -14,6 +14,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::search::{Guard, SegmentProblem, Shot};
+use crate::planner::fields::optimizer::NARROWER;
 use crate::qp::{ColumnWriter, Cone, Program};
 
 /// Speed that a gap has to spare below which it has a row from the start, m/s.
@@ -28,7 +29,6 @@ const MERIT: f64 = 400.0;
 const CURVATURE: f64 = 1e-6;
 /// Longest change, relative to the motion.
 const REACH: f64 = 0.1;
-const NARROWER: f64 = 0.35;
 
 impl SegmentProblem<'_> {
     /// `shot`, changed once more such that no part comes too near to others or to the edge, where that is possible.

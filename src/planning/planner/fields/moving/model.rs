@@ -17,6 +17,7 @@ use upm_core::signal::Envelope;
 /// parts each its own way.
 const PRICE_POWER: f64 = 0.75;
 const SPIN_PRICE: f64 = 0.7;
+
 /// The tables that the planner computes of a library.
 #[derive(Debug)]
 pub(super) struct MovingModel {

@@ -45,7 +45,7 @@ const FARTHER: f64 = 1.2;
 /// One segment of a motion without pauses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
-    /// The motion. Its drive rises over one period, plays for another, and decays over a third.
+    /// The motion. Its drive rises over one period, plays for another, which the last one leaves out, and decays.
     pub pulse: FieldPulse,
     /// True for the last one, after which the parts rest.
     pub sets_down: bool,
@@ -53,7 +53,7 @@ pub struct Segment {
     pub ends_m: Vec<Vec2>,
 }
 
-/// Plans motions that never stop until all parts are at their targets (equation sheet, section 6). It follows the parts
+/// Plans motions that never stop until all parts are at their targets (equation sheet, section 5.1). It follows the parts
 /// by the camera's frames and by the motions that play.
 #[derive(Clone, Debug)]
 pub struct MovingPlanner {

@@ -17,9 +17,9 @@ use upm_core::signal::Envelope;
 const GUARD: f64 = 5.0;
 /// Closing speed per gap that a guard allows, relative to that of the wishes.
 const STRICT: f64 = 1.3;
-/// Gap of a pair, and distance from the edge, from which on it needs no guard, m.
-const PAIR_M: f64 = 0.03;
-const EDGE_M: f64 = 0.02;
+/// Gap of a pair, and distance from the edge, within which it may need a guard, m.
+const NEAR_PAIR_M: f64 = 0.03;
+const NEAR_EDGE_M: f64 = 0.02;
 
 /// The search for one segment.
 #[derive(Clone, Copy)]
@@ -77,12 +77,9 @@ impl SegmentProblem<'_> {
         self.model.basis.steps_a_period()
     }
 
-    /// The steps that are judged.
+    /// The steps that are judged: those of a period after the cross-fade, or of the last segment's decay, too.
     fn judged(&self) -> Range<usize> {
-        match self.goal {
-            Goal::Drifts { .. } => 0..2 * self.window(),
-            Goal::Ends => 0..2 * self.window(),
-        }
+        0..2 * self.window()
     }
 
     /// The motion `coefficients` as strong as it can be, and its effect.
@@ -146,13 +143,13 @@ impl SegmentProblem<'_> {
             for (j, (b_m, b)) in places_m[..i].iter().zip(self.parts).enumerate() {
                 let apart_m = a_m - b_m;
                 let gap_m = apart_m.norm() - a.disc.radius_m - b.disc.radius_m;
-                if let Some(normal) = apart_m.try_normalize(0.0).filter(|_| gap_m < PAIR_M) {
+                if let Some(normal) = apart_m.try_normalize(0.0).filter(|_| gap_m < NEAR_PAIR_M) {
                     note(i, Some(j), normal, gap_m, self.params.separation_m);
                 }
             }
             for axis in 0..2 {
                 let gap_m = self.params.half_side_m - a.disc.radius_m - a_m[axis].abs();
-                if gap_m < EDGE_M {
+                if gap_m < NEAR_EDGE_M {
                     let mut normal = Vec2::zeros();
                     normal[axis] = if a_m[axis] > 0.0 { -1.0 } else { 1.0 };
                     note(i, None, normal, gap_m, a.edge_margin_m(self.params));
