@@ -45,7 +45,8 @@ const FARTHER: f64 = 1.2;
 /// One segment of a motion without pauses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
-    /// The motion. Its drive rises over one period, plays for another, which the last one leaves out, and decays.
+    /// The motion. Its drive rises over one period, plays for another, which that of the last segment leaves out, and
+    /// decays.
     pub pulse: FieldPulse,
     /// True for the last one, after which the parts rest.
     pub sets_down: bool,
