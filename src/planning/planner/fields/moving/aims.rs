@@ -32,15 +32,12 @@ const LITTLE_LEFT: f64 = 0.35;
 const MUCH_LEFT: f64 = 0.6;
 const GROWS: f64 = 1.12;
 const FALLS: f64 = 0.93;
-/// Weights of parts fall with the change of speed asked of them: this power of it, and this much of the largest added.
-const WEIGHT_POWER: f64 = -0.25;
-const WEIGHT_OFFSET: f64 = 0.2;
 
 /// The purpose of a segment.
 #[derive(Clone, Debug)]
 pub(super) enum Goal {
     /// Drifts at its end: `drift + rate · place = aim` for each part.
-    Drifts { rates: Vec<f64>, aims_mps: Vec<Vec2>, weights: Vec<f64> },
+    Drifts { rates: Vec<f64>, aims_mps: Vec<Vec2> },
     /// Places where the parts come to rest after it has faded out.
     Ends,
 }
@@ -99,7 +96,7 @@ pub(super) struct Wish {
     pub changes_mps: Vec<Vec2>,
     /// True where a part is asked for less than it wants.
     pub is_clipped: bool,
-    /// Root of the weighted sum of squares of the changes, m/s.
+    /// Root of the sum of squares of the changes, m/s.
     asked_mps: f64,
 }
 
@@ -122,7 +119,7 @@ impl Aims {
         let mut wanted_mps: Vec<Vec2> = parts.iter().zip(&ahead_m).map(|(p, at)| (p.target_m - at) * rate).collect();
         keep_clear(parts, params, &ahead_m, &mut wanted_mps);
         let mut wish = Wish { goal: Goal::Ends, changes_mps: Vec::new(), is_clipped: false, asked_mps: 0.0 };
-        let (mut rates, mut aims_mps, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut rates, mut aims_mps) = (Vec::new(), Vec::new());
         for ((part, at_m), wanted_mps) in parts.iter().zip(&ahead_m).zip(&wanted_mps) {
             let most_mps = AMBITION * pull_mps2(part) * ahead_s;
             let change_mps = wanted_mps - part.drift_mps;
@@ -131,14 +128,10 @@ impl Aims {
             wish.is_clipped |= share < 1.0;
             rates.push(rate * share);
             aims_mps.push(part.drift_mps + change_mps + at_m * (rate * share));
-            weights.push(libm::pow(change_mps.norm() / most_mps + WEIGHT_OFFSET, WEIGHT_POWER));
             wish.changes_mps.push(change_mps);
         }
-        let mean = (weights.iter().map(|w| w * w).sum::<f64>() / weights.len() as f64).sqrt();
-        weights.iter_mut().for_each(|weight| *weight /= mean);
-        wish.asked_mps =
-            wish.changes_mps.iter().zip(&weights).map(|(c, w)| (c * *w).norm_squared()).sum::<f64>().sqrt();
-        wish.goal = Goal::Drifts { rates, aims_mps, weights };
+        wish.asked_mps = wish.changes_mps.iter().map(|change| change.norm_squared()).sum::<f64>().sqrt();
+        wish.goal = Goal::Drifts { rates, aims_mps };
         wish
     }
 

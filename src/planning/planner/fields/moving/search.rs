@@ -59,7 +59,7 @@ impl Guard {
 pub(super) struct Shot {
     pub motion: Motion,
     pub rollout: Rollout,
-    /// Remaining error of each part, x and y in turn: m/s, weighted, or m.
+    /// Remaining error of each part, x and y in turn: m/s, or m.
     pub residual: DVector<f64>,
     pub guards: Vec<Guard>,
     pub cost: f64,
@@ -98,11 +98,11 @@ impl SegmentProblem<'_> {
         let envelope = Envelope { sustain_s: self.goal.sustain_s(&self.model.envelope), ..self.model.envelope };
         rollout.run_faded(&self.model.basis, plates, (&envelope, self.judged()), self.discs);
         let (residual, guards): (Vec<Vec2>, _) = match self.goal {
-            Goal::Drifts { rates, aims_mps, weights } => {
+            Goal::Drifts { rates, aims_mps } => {
                 let drifts_mps = rollout.drifts_mps(&self.model.basis, self.window());
                 let places_m: Vec<Vec2> = rollout.last().map(|(place_m, _)| place_m).collect();
-                let each = drifts_mps.iter().zip(&places_m).zip(rates).zip(aims_mps).zip(weights);
-                let residual = each.map(|((((d, p), rate), aim), weight)| (d + p * *rate - aim) * *weight).collect();
+                let each = drifts_mps.iter().zip(&places_m).zip(rates).zip(aims_mps);
+                let residual = each.map(|(((drift, place), rate), aim)| drift + place * *rate - aim).collect();
                 (residual, self.guards(&places_m, Some(&drifts_mps), 0.0))
             }
             Goal::Ends => {
@@ -208,11 +208,7 @@ impl SegmentProblem<'_> {
     pub fn task_slopes(&self, shot: &Shot) -> DMatrix<f64> {
         let basis = &self.model.basis;
         let mut slopes = match self.goal {
-            Goal::Drifts { rates, weights, .. } => {
-                let mut slopes = shot.rollout.drift_slopes(basis, self.window(), rates);
-                slopes.column_iter_mut().enumerate().for_each(|(j, mut column)| column *= weights[j / 2]);
-                slopes
-            }
+            Goal::Drifts { rates, .. } => shot.rollout.drift_slopes(basis, self.window(), rates),
             Goal::Ends => shot.rollout.slopes(basis),
         };
         self.price(&mut slopes);
