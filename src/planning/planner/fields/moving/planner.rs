@@ -54,7 +54,7 @@ pub struct Segment {
     pub ends_m: Vec<Vec2>,
 }
 
-/// Plans motions that never stop until all parts are at their targets (equation sheet, section 5.1). It follows the parts
+/// Plans motions that never stop until all parts are at their targets (equation sheet, section 5.1). Follows the parts
 /// by the camera's frames and by the motions that play.
 #[derive(Clone, Debug)]
 pub struct MovingPlanner {
