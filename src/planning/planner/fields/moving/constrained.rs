@@ -37,7 +37,7 @@ impl SegmentProblem<'_> {
         let of_gaps = self.gap_slopes(&shot);
         let mut rows = self.gaps(&shot, NEAR_MPS);
         let length: f64 = self.priced(&shot.motion.coefficients).iter().map(|c| c * c).sum();
-        let mut best = shot.clone();
+        let mut better: Option<Shot> = None;
         let mut reach = REACH * length.sqrt();
         for _ in 0..PROGRAMS {
             let gap_columns = self.guard_columns(&of_gaps, &rows);
@@ -46,9 +46,9 @@ impl SegmentProblem<'_> {
             let next = self.within_limits(&changed);
             let broken: Vec<Guard> =
                 next.guards.iter().filter(|guard| !rows.iter().any(|row| row.is_of(guard))).copied().collect();
-            let is_better = merit(&next) < merit(&best);
-            let other = if is_better { std::mem::replace(&mut best, next) } else { next };
-            self.pool.keep(other.rollout);
+            let is_better = merit(&next) < merit(better.as_ref().unwrap_or(&shot));
+            let other = if is_better { better.replace(next) } else { Some(next) };
+            other.into_iter().for_each(|other| self.pool.keep(other.rollout));
             if broken.is_empty() && is_better {
                 break;
             }
@@ -59,8 +59,9 @@ impl SegmentProblem<'_> {
             let all = self.gaps(&shot, f64::INFINITY);
             rows.extend(all.into_iter().filter(|gap| broken.iter().any(|guard| guard.is_of(gap))));
         }
+        let Some(better) = better else { return shot };
         self.pool.keep(shot.rollout);
-        best
+        better
     }
 }
 
