@@ -19,8 +19,8 @@ BUMP_SWING_S = 0.4
 COAST_S, UNSEEN_MM = 0.1, 5.0
 # an observation this close to the truth is not deceived by a knock, mm
 TRUE_MM = 0.25
-# pictures lost of which too few are left to time the others
-MOST_LOST = 0.5
+# pictures lost of which too few are left to time the others; a swing of four standard deviations of a corner's place
+MOST_LOST, SEEN_PX = 0.5, 0.2
 # share of its force that a stuttering coil leaves out, from which on the plate swings as no plan has it
 MOST_STUTTER = 0.2
 
@@ -210,9 +210,28 @@ def stutters(run, pulse):
 
 
 def is_hardly_seen(run, pulse):
-    """True for a pulse in which most pictures are lost: few are left to tell how late they are."""
-    drops = (fault for fault in run.fired() if fault.name == "camera drop" and fault.value[0] > MOST_LOST)
-    return any(fault.from_s < pulse.end_s and pulse.start_s < fault.to_s for fault in drops)
+    """True for a pulse whose pictures do not tell how late they are: they hardly show it, or are lost, or dated wrongly."""
+    hides = {"camera drop": lambda share: share > MOST_LOST, "clock skew": lambda _: True}
+    hiding = (fault for fault in run.fired() if fault.name in hides and hides[fault.name](fault.value[0]))
+    is_hidden = any(fault.from_s < pulse.end_s and pulse.start_s < fault.to_s for fault in hiding)
+    return is_hidden or pulse.base_hz == run.job["rig"]["camera"]["frame_hz"] and swing_px(run, pulse) < SEEN_PX
+
+
+def swing_px(run, pulse):
+    """Displacement of a corner in every frame of a pulse of the camera's rate, px; the plate's springs are soft."""
+    camera, plate, motors = (run.job["rig"][key] for key in ("camera", "plate", "motors"))
+    turn = math.tau * pulse.base_hz * (-pulse.start_s % run.frame_s)
+
+    def place(coil):
+        harmonics = enumerate(zip(coil[::2], coil[1::2]), 1)
+        return sum((cos * math.cos(k * turn) + sin * math.sin(k * turn)) / k**2 for k, (cos, sin) in harmonics)
+
+    x1, x2, y1, y2 = map(place, pulse.counts)
+    lever_m, corner_m = motors["lever_arm_mm"] / 1e3, plate["side_mm"] / 1e3 / math.sqrt(2)
+    shift = math.hypot(x1 + x2, y1 + y2) / plate["mass_kg"]
+    shift += (abs(x1 - x2) + abs(y1 - y2)) * lever_m * corner_m / plate["inertia_kg_m2"]
+    shift_m = shift * motors["newtons_per_count"] / (math.tau * pulse.base_hz) ** 2
+    return 1e3 * shift_m * camera["focal_px"] / camera["position_mm"][2]
 
 
 def was_bumped(run, pulse):

@@ -152,7 +152,9 @@ impl Perception {
     /// # Errors
     /// As [`Perception::observe`].
     pub fn confirm(&mut self, io: &mut RunIo<'_>) -> OrEnd<bool> {
-        self.let_swing_out(io)?;
+        if !self.let_swing_out(io)? {
+            return Continue(false);
+        }
         for _ in 0..CONFIRMING_LOOKS {
             let located = self.locate_at_rest(io)?;
             let corners = located.table.corners_px.iter().zip(&self.table.corners_px);
@@ -173,19 +175,22 @@ impl Perception {
         Continue(true)
     }
 
-    /// Waits until the plate is still in the picture, for at most the time a plate that was not knocked takes.
-    fn let_swing_out(&mut self, io: &mut RunIo<'_>) -> OrEnd {
+    /// Waits until plate and parts are still in the picture, for at most the time a plate that was not knocked takes;
+    /// false where parts glide on.
+    fn let_swing_out(&mut self, io: &mut RunIo<'_>) -> OrEnd<bool> {
         let until = io.rig.settled_at().max(self.frame.exposed_at) + SWING_S;
         // a swinging plate passes its rest position for a moment
-        let mut still = 0;
+        let (mut still, mut glide) = (0, false);
         while io.rig.now() < until && still < STILL_LOOKS {
             check_stop(io.stop)?;
+            let before_m = self.positions_m();
             self.observe(io, FramePurpose::Pulse)?;
+            glide = before_m.iter().zip(self.positions_m()).any(|(before, now)| (now - before).norm() > SAME_PART_M);
             // it no longer swings and was not knocked
-            let is_still = self.scene.swing_px(&self.frame).is_some_and(|px| px < STILL_PX);
+            let is_still = !glide && self.scene.swing_px(&self.frame).is_some_and(|px| px < STILL_PX);
             still = if is_still { still + 1 } else { 0 };
         }
-        Continue(())
+        Continue(!glide)
     }
 
     fn locate_at_rest(&mut self, io: &mut RunIo<'_>) -> OrEnd<Relocated> {

@@ -217,7 +217,8 @@ impl<'a> PulseJudge<'a> {
             0.5 * (cos * cos + sin * sin)
         });
         let (noisy, share) = noisy(channel_residual_mps2);
-        let deviations = if expected.periods() < 2.0 { DEVIATIONS_ONE_PERIOD } else { DEVIATIONS };
+        let is_short = expected.take_over.is_none() && expected.periods() < 2.0;
+        let deviations = if is_short { DEVIATIONS_ONE_PERIOD } else { DEVIATIONS };
         let load = expected.load_mps2 * expected.load_mps2 / (2 * harmonics.max(1)) as f64;
         let noise = (&variance * (deviations * deviations * share)).add_scalar(load);
         Self { expected, sensors, read, variance, noisy, planned, noise }
