@@ -4,6 +4,8 @@ import math
 from . import claims
 
 FUTILE, NEAR, DETOUR = 20, 100, 200
+# these are for as many parts as one motion serves; more take turns, and every pair of them may hinder each other
+SERVED = 8
 # the program judges by what it sees: as many cycles more, since small steps look different to it, and progress that looks
 # like 1 % or 5 % to it may truly be a fifth less
 SLACK = 5
@@ -54,10 +56,11 @@ class Watch:
         gets_on = gets_on or bool(ones) or (self.follows_paths and self.has_moved(true))
         self.futile = 0 if nearer or gets_on else self.futile + played
         self.detour = 0 if nearer or self.follows_paths else self.detour + played
-        bar = NEAR if farthest(true, targets) < NEAR_TOLERANCES * self.tolerance_mm else FUTILE
+        turns = max(1.0, len(true) / SERVED) ** 2
+        bar = turns * (NEAR if farthest(true, targets) < NEAR_TOLERANCES * self.tolerance_mm else FUTILE)
         if self.futile > bar + SLACK:
-            return f"{self.futile} cycles with pulses and no true progress, bar {bar}"
-        return f"{self.detour} cycles with pulses on a detour, bar {DETOUR}" if self.detour > DETOUR + SLACK else None
+            return f"{self.futile} cycles with pulses and no true progress, bar {bar:.0f}"
+        return f"{self.detour} cycles with pulses on a detour, bar {turns * DETOUR:.0f}" if self.detour > turns * DETOUR + SLACK else None
 
     def improves(self, measure, now, share):
         better = now < (1.0 - share) * self.least[measure]
