@@ -66,7 +66,11 @@ impl ControlCycle<'_, '_> {
             let (observed_at, before_m) = (self.perception.seen_at(), self.places_m());
             let sets_down = present.segment.sets_down;
             let next = if sets_down { None } else { self.plan_next(started_at, segments)? };
-            let forecast_m = if sets_down { present.segment.ends_m.clone() } else { self.next_places_m() };
+            let forecast_m = match &next {
+                _ if sets_down => present.segment.ends_m.clone(),
+                Some(_) => self.next_places_m(),
+                None => self.fades_out().0,
+            };
             let ends_at = match &next {
                 Some(next) => flow(self.io.rig.take_over(&next.drive))?,
                 None => self.io.rig.settled_at(),
@@ -152,7 +156,8 @@ impl ControlCycle<'_, '_> {
     }
 
     /// Plans the segment after the present one, for the places that the parts will have at its end; `None` where the
-    /// plate should come to rest because another job waits or a part is out of sight.
+    /// plate should come to rest because another job waits or a part is out of sight, or because the parts will be
+    /// where they should be.
     fn plan_next(&mut self, started_at: PlateTime, segments: u64) -> OrEnd<Option<PlannedSegment>> {
         self.check_limits()?;
         if self.io.give_way.load(Ordering::Relaxed) || self.perception.frames_missing() > UNSEEN_FRAMES {
@@ -160,8 +165,16 @@ impl ControlCycle<'_, '_> {
         }
         let Some(planner) = self.moving() else { return Continue(None) };
         let (at, places_m) = (started_at + planner.period_s(), planner.next_places_m());
-        let wanted = self.task.next(at, &places_m);
+        let mut wanted = self.task.next(at, &places_m);
         self.io.sink.setpoints(at, &wanted);
+        if wanted.done {
+            if let (ends_m, true) = self.fades_out()
+                && self.task.next(at, &ends_m).done
+            {
+                return Continue(None);
+            }
+            wanted.targets_m.clone_from(&wanted.subgoals_m);
+        }
         let is_counted = segments.is_multiple_of(SEGMENTS_A_CYCLE);
         if is_counted
             && self.planning.watch.observe(&wanted, &places_m, true)
@@ -177,7 +190,7 @@ impl ControlCycle<'_, '_> {
         self.check_stop()?;
         let planning = self.io.clock.elapsed();
         let Some(planner) = self.moving() else { return Break(RunEnd::failed("no planner of moving parts")) };
-        let segment = planner.plan(&wanted.subgoals_m);
+        let segment = planner.plan(&wanted.subgoals_m, &wanted.targets_m);
         let plan_us = (self.io.clock.elapsed() - planning).as_secs_f64() * 1e6;
         let drive = match drive_of(self.library, &PlannedPulse::Field(segment.pulse.clone())) {
             Ok(drive) => drive,
@@ -192,6 +205,10 @@ impl ControlCycle<'_, '_> {
 
     fn places_m(&mut self) -> Vec<Vec2> {
         self.moving().map(|planner| planner.places_m()).unwrap_or_default()
+    }
+
+    fn fades_out(&mut self) -> (Vec<Vec2>, bool) {
+        self.moving().map(|planner| planner.fades_out()).unwrap_or_default()
     }
 
     fn next_places_m(&mut self) -> Vec<Vec2> {

@@ -1,7 +1,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::aims::{Aims, Goal, MovingPart};
+use super::aims::{Aims, Goal, MovingPart, rms};
 use super::filter::PartFilter;
 use super::model::MovingModel;
 use super::motion::{Motion, NearEdge};
@@ -206,19 +206,45 @@ impl MovingPlanner {
         states
     }
 
-    /// Plans the segment after the present one, or the first one, towards `targets_m`; [`Self::begin`] begins it.
-    pub fn plan(&mut self, targets_m: &[Vec2]) -> Segment {
-        let states = self.next_states().into_iter().zip(targets_m).zip(&self.parts);
-        let part = |(((position_m, velocity_mps, drift_mps), target_m), part): ((_, &Vec2), &PartFilter)| {
+    /// Where the parts come to rest, m, if no segment follows the present one, which plays once more and fades out;
+    /// beside it whether they keep their distances, from each other and from the edge, on the way.
+    pub fn fades_out(&self) -> (Vec<Vec2>, bool) {
+        let period = self.model.basis.steps_a_period();
+        let rollout = self.rollout(self.step..3 * period);
+        let is_clear = rollout.places_m(period / 4).all(|places_m| self.are_apart(&places_m));
+        let ends_m = rollout.ends_m.clone();
+        self.pool.keep(rollout);
+        (ends_m, is_clear)
+    }
+
+    /// True for places that keep the distances between parts and from the edge.
+    fn are_apart(&self, places_m: &[Vec2]) -> bool {
+        let PlannerParams { half_side_m, edge_margin_m, separation_m, .. } = self.params;
+        places_m.iter().zip(&self.parts).enumerate().all(|(i, (at_m, part))| {
+            let radius_m = part.disc().radius_m;
+            let mut others = places_m[..i].iter().zip(&self.parts);
+            at_m.amax() + radius_m <= half_side_m - edge_margin_m
+                && others.all(|(to_m, other)| (at_m - to_m).norm() >= radius_m + other.disc().radius_m + separation_m)
+        })
+    }
+
+    /// Plans the segment after the present one, or the first one, towards `subgoals_m` on the way to `targets_m`;
+    /// [`Self::begin`] begins it.
+    pub fn plan(&mut self, subgoals_m: &[Vec2], targets_m: &[Vec2]) -> Segment {
+        let goals = subgoals_m.iter().zip(targets_m);
+        let states = self.next_states().into_iter().zip(goals).zip(&self.parts);
+        let part = |(((position_m, velocity_mps, drift_mps), goal), part): ((_, (&Vec2, &Vec2)), &PartFilter)| {
             let disc = RolloutDisc { position_m, velocity_mps, ..part.disc() };
-            MovingPart { disc, drift_mps, target_m: *target_m }
+            let (target_m, beyond_m) = (*goal.0, (goal.1 - goal.0).norm());
+            MovingPart { disc, drift_mps, target_m, beyond_m }
         };
         let parts: Vec<MovingPart> = states.map(part).collect();
-        let rms_m = (parts.iter().map(|p| p.left_m().norm_squared()).sum::<f64>() / parts.len() as f64).sqrt();
+        let rms_m = rms(parts.iter().map(|part| part.left_m().norm()));
         let is_slow = rms_m > GETS_NEARER * self.best_m;
         self.slow = if is_slow { self.slow + 1 } else { 0 };
         self.best_m = if is_slow { self.best_m.min(rms_m) } else { rms_m };
-        let set_down = if rms_m < SET_DOWN_M { self.set_down(&parts) } else { None };
+        let is_last = parts.iter().all(|part| part.beyond_m == 0.0) || self.slow > PATIENCE;
+        let set_down = if is_last && rms_m < SET_DOWN_M { self.set_down(&parts) } else { None };
         let sets_down = set_down.is_some();
         let (motion, ends_m) = set_down.unwrap_or_else(|| self.drift(&parts, rms_m));
         self.planned = Arc::new(motion);

@@ -153,7 +153,10 @@ fn arranged(library: &Arc<Library>, count: usize, seed: u64, limit_s: f64) -> Ou
         }
         planner.rest(&places_m);
         let still = TwistWave { base_radps: std::f64::consts::TAU / period_s, harmonics: Vec::new() };
-        let plan = |planner: &mut MovingPlanner| planner.plan(&assigned(&planner.next_places_m(), &targets_m));
+        let plan = |planner: &mut MovingPlanner| {
+            let targets_m = assigned(&planner.next_places_m(), &targets_m);
+            planner.plan(&targets_m, &targets_m)
+        };
         let mut segment = plan(&mut planner);
         let mut from = still;
         loop {
@@ -195,7 +198,7 @@ fn four_parts_arrive_without_a_pause() {
 fn segments(planner: &mut MovingPlanner, targets_m: &[Vec2]) -> Vec<Segment> {
     let mut segments = Vec::new();
     for _ in 0..8 {
-        segments.push(planner.plan(targets_m));
+        segments.push(planner.plan(targets_m, targets_m));
         planner.begin();
     }
     segments
@@ -238,7 +241,7 @@ fn parts_are_followed_to_where_they_are_by_frames_alone() {
     let library = upm_2();
     let mut planner = planner(&library, 1);
     planner.rest(&[Vec2::zeros()]);
-    planner.plan(&[Vec2::new(0.05, 0.0)]);
+    planner.plan(&[Vec2::new(0.05, 0.0)], &[Vec2::new(0.05, 0.0)]);
     planner.begin();
     // the part stays where it was, whatever the motion should do
     for frame in 1..40 {
