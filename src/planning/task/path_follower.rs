@@ -19,6 +19,9 @@ const KEPT_GAP_M: f64 = 2.5e-3;
 /// Distance within which every part has reached a stage, m.
 const STAGE_REACHED_M: f64 = 1e-3;
 
+/// Stages into which the way from one stage to the next is divided: the parts round a corner before they reach it.
+const STAGES_BETWEEN: usize = 4;
+
 /// Cycles after which a new route is searched while a part is blocked.
 const REPLAN_AFTER: usize = 16;
 
@@ -344,7 +347,21 @@ impl PathFollower {
         }
         self.round = best.round;
         (self.blocked, self.stages_m) = (best.blocked, best.places_m);
+        if matches!(self.motions, Motions::Independent) {
+            self.stages_m = divided(&self.stages_m);
+        }
     }
+}
+
+/// The first stage and those that divide the ways between the others.
+fn divided(stages_m: &[Vec<Vec2>]) -> Vec<Vec<Vec2>> {
+    let between = |(from_m, to_m): (&Vec<Vec2>, &Vec<Vec2>), i: usize| {
+        let share = i as f64 / STAGES_BETWEEN as f64;
+        from_m.iter().zip(to_m).map(|(from, to)| from + (to - from) * share).collect()
+    };
+    let ways = stages_m.iter().zip(stages_m.iter().skip(1));
+    let later = ways.flat_map(|way| (1..=STAGES_BETWEEN).map(move |i| between(way, i)));
+    stages_m.first().cloned().into_iter().chain(later).collect()
 }
 
 /// Mean distance of a place from its nearest neighbour, m; infinite for a single place.
