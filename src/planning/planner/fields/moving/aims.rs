@@ -139,16 +139,12 @@ impl Aims {
 
     /// Learns from a segment that leaves this share of what was asked.
     pub fn learn(&mut self, is_clipped: bool, left: f64) {
-        let factor = if left < LITTLE_LEFT {
-            GROWS
-        } else if left > MUCH_LEFT {
-            FALLS
-        } else {
-            1.0
+        let factor = match left {
+            _ if left < LITTLE_LEFT => GROWS,
+            _ if left > MUCH_LEFT && is_clipped => FALLS,
+            _ => 1.0,
         };
-        if is_clipped {
-            self.share = (factor * self.share).clamp(SHARES.0, SHARES.1);
-        }
+        self.share = (factor * self.share).clamp(SHARES.0, SHARES.1);
     }
 }
 

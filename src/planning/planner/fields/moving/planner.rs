@@ -16,14 +16,14 @@ use upm_core::signal::Follows;
 /// Rounds of improvement: of each start from rest, of each other start, of the best one, of each motion of the bank,
 /// and of the best of those.
 const FROM_REST_ROUNDS: usize = 8;
-const FIRST_ROUNDS: usize = 1;
-const ROUNDS: usize = 6;
-const BANK_FIRST_ROUNDS: usize = 3;
+const FIRST_ROUNDS: usize = 3;
+const ROUNDS: usize = 12;
+const BANK_FIRST_ROUNDS: usize = 6;
 const BANK_ROUNDS: usize = 10;
 /// Motions of the bank that are tried from rest, and where the last motion leaves more than this share of what is
 /// asked.
 const BANK_FROM_REST: usize = 2;
-const BANK: usize = 5;
+const BANK: usize = 2;
 const MUCH_LEFT: f64 = 0.4;
 /// Cost of a motion of the bank relative to the best so far below which it takes its place: a change has its own cost.
 const BETTER: f64 = 0.95;
