@@ -109,15 +109,16 @@ impl Wish {
 }
 
 impl Aims {
-    /// Drifts for `parts` at the beginning of a segment, `rms_m` from where they are heading.
-    pub fn wish(&self, parts: &[MovingPart], params: &PlannerParams, rms_m: f64, period_s: f64) -> Wish {
+    /// Drifts for `parts` at the beginning of a segment.
+    pub fn wish(&self, parts: &[MovingPart], params: &PlannerParams, period_s: f64) -> Wish {
         let ahead_s = AHEAD * period_s;
         let ahead_m: Vec<Vec2> = parts.iter().map(|p| p.disc.position_m + p.drift_mps * ahead_s).collect();
         let pull_mps2 = |part: &MovingPart| self.share * part.disc.friction * GRAVITY_MPS2;
         // common to all, so that they arrive together: straight ways in step hardly cross
         let brake_mps2 = parts.iter().map(pull_mps2).sum::<f64>() / parts.len() as f64;
+        let left_m = rms(parts.iter().map(|part| part.left_m().norm()));
         let way_m = rms(parts.iter().map(|part| part.left_m().norm() + part.beyond_m));
-        let rate = APPROACH_PER_S.min((2.0 * brake_mps2 * way_m).sqrt() / rms_m.max(f64::MIN_POSITIVE));
+        let rate = APPROACH_PER_S.min((2.0 * brake_mps2 * way_m).sqrt() / left_m.max(f64::MIN_POSITIVE));
         let mut wanted_mps: Vec<Vec2> = parts.iter().zip(&ahead_m).map(|(p, at)| (p.target_m - at) * rate).collect();
         keep_clear(parts, params, &ahead_m, &mut wanted_mps);
         let mut wish = Wish { goal: Goal::Ends, changes_mps: Vec::new(), is_clipped: false, asked_mps: 0.0 };

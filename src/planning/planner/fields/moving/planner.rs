@@ -42,6 +42,10 @@ const PATIENCE: usize = 8;
 const GETS_NEARER: f64 = 0.85;
 const FARTHER: f64 = 1.2;
 
+/// Segments without getting nearer after which parts that hinder each other take a way round: five seconds, in which
+/// most pass each other without one, and sooner.
+const BLOCKED: usize = 75;
+
 /// One segment of a motion without pauses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
@@ -228,25 +232,25 @@ impl MovingPlanner {
         })
     }
 
-    /// Plans the segment after the present one, or the first one, towards `subgoals_m` on the way to `targets_m`;
-    /// [`Self::begin`] begins it.
+    /// Plans the segment after the present one, or the first one, towards `targets_m`; [`Self::begin`] begins it. Parts
+    /// that hinder each other take the way by `subgoals_m`.
     pub fn plan(&mut self, subgoals_m: &[Vec2], targets_m: &[Vec2]) -> Segment {
-        let goals = subgoals_m.iter().zip(targets_m);
-        let states = self.next_states().into_iter().zip(goals).zip(&self.parts);
-        let part = |(((position_m, velocity_mps, drift_mps), goal), part): ((_, (&Vec2, &Vec2)), &PartFilter)| {
-            let disc = RolloutDisc { position_m, velocity_mps, ..part.disc() };
-            let (target_m, beyond_m) = (*goal.0, (goal.1 - goal.0).norm());
-            MovingPart { disc, drift_mps, target_m, beyond_m }
-        };
-        let parts: Vec<MovingPart> = states.map(part).collect();
-        let rms_m = rms(parts.iter().map(|part| part.left_m().norm()));
+        let states = self.next_states();
+        let lefts_m = states.iter().zip(targets_m).map(|((place_m, ..), target_m)| (target_m - place_m).norm());
+        let rms_m = rms(lefts_m);
         let is_slow = rms_m > GETS_NEARER * self.best_m;
         self.slow = if is_slow { self.slow + 1 } else { 0 };
         self.best_m = if is_slow { self.best_m.min(rms_m) } else { rms_m };
-        let is_last = parts.iter().all(|part| part.beyond_m == 0.0) || self.slow > PATIENCE;
-        let set_down = if is_last && rms_m < SET_DOWN_M { self.set_down(&parts) } else { None };
+        let heading_m = if self.slow > BLOCKED { subgoals_m } else { targets_m };
+        let goals = heading_m.iter().zip(targets_m).map(|(&to_m, target_m)| (to_m, (target_m - to_m).norm()));
+        let part = |(((position_m, velocity_mps, drift_mps), (target_m, beyond_m)), part): ((_, _), &PartFilter)| {
+            let disc = RolloutDisc { position_m, velocity_mps, ..part.disc() };
+            MovingPart { disc, drift_mps, target_m, beyond_m }
+        };
+        let parts: Vec<MovingPart> = states.into_iter().zip(goals).zip(&self.parts).map(part).collect();
+        let set_down = if rms_m < SET_DOWN_M { self.set_down(&parts) } else { None };
         let sets_down = set_down.is_some();
-        let (motion, ends_m) = set_down.unwrap_or_else(|| self.drift(&parts, rms_m));
+        let (motion, ends_m) = set_down.unwrap_or_else(|| self.drift(&parts));
         self.planned = Arc::new(motion);
         if sets_down {
             (self.slow, self.best_m) = (0, f64::INFINITY);
@@ -277,9 +281,9 @@ impl MovingPlanner {
     }
 
     /// The motion that brings the parts' drifts nearest to what their distances ask, and their places at its end.
-    fn drift(&mut self, parts: &[MovingPart], rms_m: f64) -> (Motion, Vec<Vec2>) {
+    fn drift(&mut self, parts: &[MovingPart]) -> (Motion, Vec<Vec2>) {
         let around = self.surroundings(parts);
-        let wish = self.aims.wish(parts, &self.params, rms_m, self.period_s());
+        let wish = self.aims.wish(parts, &self.params, self.period_s());
         let problem = self.problem(&around, &wish.goal);
         let better = |a: Shot, b: Shot| {
             let (better, other) = if b.cost < a.cost { (b, a) } else { (a, b) };
