@@ -82,6 +82,7 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
                 limits,
                 unconfirmed: 0,
                 is_cautious: false,
+                suspects_knock: false,
             };
             cycle.until_end()
         }
@@ -119,6 +120,8 @@ struct ControlCycle<'a, 'io> {
     unconfirmed: u32,
     /// True once a tolerable fault of a coil or an accelerometer was found: steps are shorter from then on.
     is_cautious: bool,
+    /// True once moving parts were off their forecast as after a knock, and the plate at rest showed none.
+    suspects_knock: bool,
 }
 
 impl ControlCycle<'_, '_> {

@@ -140,20 +140,23 @@ impl MovingPlanner {
 
     /// Takes a frame exposed `at_s` after the present segment began; `seen_m` are the places of the parts in it, `None`
     /// for those that it does not show. A frame exposed after the segment's end counts once the next one begins.
-    pub fn observe(&mut self, at_s: f64, seen_m: &[Option<Vec2>]) {
+    ///
+    /// Returns how far the parts are off their forecast places, m: the median.
+    pub fn observe(&mut self, at_s: f64, seen_m: &[Option<Vec2>]) -> f64 {
         if at_s > self.period_s() {
             self.early = Some((at_s - self.period_s(), seen_m.to_vec()));
-            return;
+            return 0.0;
         }
         let step_s = self.model.basis.step_s();
         let step = (at_s / step_s).round().max(0.0) as usize;
         self.advance(step);
         let early_s = self.step as f64 * step_s - at_s;
-        for (part, seen_m) in self.parts.iter_mut().zip(seen_m) {
-            if let Some(seen_m) = seen_m {
-                part.correct(seen_m + part.disc().velocity_mps * early_s);
-            }
-        }
+        let parts = self.parts.iter_mut().zip(seen_m);
+        let mut off_m: Vec<f64> = parts
+            .filter_map(|(part, seen_m)| Some(part.correct((*seen_m)? + part.disc().velocity_mps * early_s).norm()))
+            .collect();
+        off_m.sort_by(f64::total_cmp);
+        off_m.get(off_m.len() / 2).copied().unwrap_or(0.0)
     }
 
     /// Estimated places of the parts, m.
