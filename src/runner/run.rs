@@ -20,6 +20,8 @@ mod library;
 #[cfg(test)]
 mod lost_tests;
 mod machine;
+#[cfg(test)]
+mod moving_stop_tests;
 mod paced;
 mod planner_forecast;
 mod planner_selection;

@@ -124,7 +124,7 @@ impl Parts {
     }
 
     /// Number of touches between parts so far.
-    pub(crate) fn collisions(&self) -> u64 {
+    pub fn collisions(&self) -> u64 {
         self.contacts.touches
     }
 

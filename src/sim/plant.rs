@@ -72,6 +72,11 @@ impl Plant {
         self.still = false;
     }
 
+    /// Lets `drive` take over from the playing one; returns the time until then, s. `None` where it is too late.
+    pub fn take_over(&mut self, drive: Drive) -> Option<f64> {
+        self.motors.take_over(drive)
+    }
+
     /// Sets all motors to zero now.
     pub fn stop(&mut self) {
         self.motors.stop();
@@ -100,6 +105,11 @@ impl Plant {
     /// Advances one step.
     pub fn step(&mut self) {
         step(self);
+    }
+
+    /// The coils' present force and torque on the plate.
+    pub fn wrench(&self) -> Wrench {
+        self.motors.wrench()
     }
 
     /// The plate's present motion.

@@ -177,7 +177,7 @@ impl Rig for SimRig {
         self.stop_if_tripped()?;
         self.check(drive)?;
         self.check_peak(self.plant.motors.peak_of(drive, true))?;
-        let start = self.now() + self.plant.motors.take_over(drive.clone()).ok_or(RigFault::TooLate)?;
+        let start = self.now() + self.plant.take_over(drive.clone()).ok_or(RigFault::TooLate)?;
         self.settled_at = start + drive.envelope.total_s();
         self.rest_s = drive.envelope.rest_s;
         Ok(start)

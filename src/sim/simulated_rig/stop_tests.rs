@@ -30,8 +30,11 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
-    fn force_is_zero_within_a_step_of_a_trip_at_any_time(after in 0u32..6000, why in 0usize..4) {
+    fn force_is_zero_within_a_step_of_a_trip_at_any_time(after in 0u32..6000, why in 0usize..4, is_moving_on in any::<bool>()) {
         let (mut rig, interlock) = driving();
+        if is_moving_on {
+            rig.take_over(&Drive { envelope: LONG, ..drive(-200.0) }).unwrap();
+        }
         let mut felt = Wrench::default();
         for _ in 0..after {
             felt = one_step(&mut rig);
