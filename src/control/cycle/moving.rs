@@ -228,8 +228,8 @@ impl ControlCycle<'_, '_> {
         self.check_frozen(is_as_planned)?;
         self.check_picture_delay(is_as_planned)?;
         let positions = facts.positions.as_ref();
-        let found = positions.and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
-        self.report_step(found)
+        let stuck = positions.and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
+        self.report_step(stuck)
     }
 
     /// Swing of the plate while `next` takes over from `last`.

@@ -90,19 +90,16 @@ impl ControlCycle<'_, '_> {
         let went = positions.as_ref().and_then(went);
         let is_as_planned = self.check_motion(drive, coils, fit, went)?;
         self.check_picture_delay(is_as_planned)?;
-        let found = positions.as_ref().and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
-        self.report_step(found)
+        let stuck = positions.as_ref().and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
+        self.report_step(stuck)
     }
 
-    /// Ends a run whose part does not go where it is carried.
-    pub(super) fn report_step(&mut self, found: Option<(usize, Finding)>) -> OrEnd {
-        let Some((part, finding)) = found.filter(|(_, finding)| self.params.guards.has(*finding)) else {
-            return Continue(());
-        };
-        let does = if finding == Finding::PartStuck { "hardly moves" } else { "goes the other way" };
+    /// Ends a run whose part stays although it is carried.
+    pub(super) fn report_step(&mut self, stuck: Option<usize>) -> OrEnd {
+        let Some(part) = stuck.filter(|_| self.params.guards.has(Finding::PartStuck)) else { return Continue(()) };
         let (id, pulses) = (self.params.id(part), self.limits.steps_limit);
-        let reason = format!("{id} {does} although {pulses} pulses in a row should carry it");
-        Break(self.end_by(Found::about(finding, part), reason))
+        let reason = format!("{id} hardly moves although {pulses} pulses in a row should carry it");
+        Break(self.end_by(Found::about(Finding::PartStuck, part), reason))
     }
 
     /// Compares the plate's motion in a pulse with its plan; true where it moved as planned.

@@ -1,7 +1,6 @@
 use super::{GROSS, SLIGHT};
 use crate::PulsePositions;
 use crate::progress::SERVED;
-use upm_core::job::Finding;
 
 /// Error of the forecasts of synthesised fields among many parts, m.
 const FORECAST_M: f64 = 1e-3;
@@ -14,30 +13,24 @@ const SHORTEST_OF_MANY_M: f64 = 3.0 * FORECAST_M;
 /// Compares the measured step of each part with its forecast.
 #[derive(Clone, Debug, Default)]
 pub struct StepGuard {
-    /// For each part the outcome of its last steps, and their number in a row.
-    shown: Vec<(PulseOutcome, u32)>,
-    /// Steps that were compared, and those that missed their forecast.
+    /// For each part the number of its last steps, in a row, in which it hardly moved.
+    missed: Vec<u32>,
+    /// Steps that were compared, and those in which the part hardly moved.
     pub compared: [u64; 2],
 }
 
 impl StepGuard {
-    /// Takes the steps of one pulse. Returns the first part that has missed its forecasts `limit` times in a row, and
-    /// whether it hardly moves or moves against them.
-    pub fn check(&mut self, seen: &PulsePositions, limit: u32) -> Option<(usize, Finding)> {
+    /// Takes the steps of one pulse. Returns the first part that has hardly moved in `limit` of its steps in a row.
+    pub fn check(&mut self, seen: &PulsePositions, limit: u32) -> Option<usize> {
         let parts = seen.before_m.len();
-        self.shown.resize(parts, (PulseOutcome::There, 0));
-        let mut found = None;
-        for (part, outcome) in outcomes(seen, if parts > SERVED as usize { SHORTEST_OF_MANY_M } else { SHORTEST_M }) {
-            let (last, in_a_row) = self.shown[part];
-            self.shown[part] = (outcome, if outcome == last { in_a_row + 1 } else { 1 });
-            self.compared[0] += 1;
-            let PulseOutcome::Missed(finding) = outcome else { continue };
-            self.compared[1] += 1;
-            if self.shown[part].1 >= limit {
-                found = found.or(Some((part, finding)));
-            }
+        self.missed.resize(parts, 0);
+        let shortest_m = if parts > SERVED as usize { SHORTEST_OF_MANY_M } else { SHORTEST_M };
+        for (part, outcome) in outcomes(seen, shortest_m) {
+            let is_missed = outcome == PulseOutcome::Stuck;
+            self.missed[part] = if is_missed { self.missed[part] + 1 } else { 0 };
+            self.compared = [self.compared[0] + 1, self.compared[1] + u64::from(is_missed)];
         }
-        found
+        self.missed.iter().position(|missed| *missed >= limit)
     }
 }
 
@@ -48,8 +41,8 @@ pub enum PulseOutcome {
     There,
     /// Near it, as on a plate that moves slightly off its plan.
     About,
-    /// Where it was since it hardly moved, or the other way.
-    Missed(Finding),
+    /// Where it was, since it hardly moved.
+    Stuck,
     /// Anywhere else, as one that slid on.
     Elsewhere,
 }
@@ -66,8 +59,7 @@ fn outcomes(seen: &PulsePositions, shortest_m: f64) -> impl Iterator<Item = (usi
         let outcome = match is_about {
             true if (went - wanted).norm() < FORECAST_M.max(SLIGHT * length_m) => PulseOutcome::There,
             true => PulseOutcome::About,
-            _ if went.norm() < SLIGHT * length_m => PulseOutcome::Missed(Finding::PartStuck),
-            _ if along < -SLIGHT => PulseOutcome::Missed(Finding::PartAstray),
+            _ if went.norm() < SLIGHT * length_m => PulseOutcome::Stuck,
             _ => PulseOutcome::Elsewhere,
         };
         (part, outcome)
@@ -98,18 +90,17 @@ mod tests {
     }
 
     /// Findings in each of several pulses that should carry two parts 4 mm along x; the second moves `share` of it.
-    fn found(shares: &[f64]) -> Vec<Option<(usize, Finding)>> {
+    fn found(shares: &[f64]) -> Vec<Option<usize>> {
         let mut guard = StepGuard::default();
         let step = Vec2::new(4e-3, 0.0);
         shares.iter().map(|&share| guard.check(&positions(step, vec![step, step * share]), 4)).collect()
     }
 
     #[test]
-    fn part_that_goes_unlike_its_forecast_four_times_is_found() {
-        assert_eq!(found(&[0.0, 0.1, 0.05, 0.0]), [None, None, None, Some((1, Finding::PartStuck))]);
-        assert_eq!(found(&[-1.0, -0.5, -0.3, -0.4])[3], Some((1, Finding::PartAstray)));
+    fn part_that_hardly_moves_four_times_is_found() {
+        assert_eq!(found(&[0.0, 0.1, 0.05, 0.0]), [None, None, None, Some(1)]);
         assert_eq!(found(&[0.0, 0.0, 0.0, 0.5, 0.0, 0.0]), [None; 6], "in a row");
-        assert_eq!(found(&[0.5, 1.5, 0.3, 1.0]), [None; 4]);
+        assert_eq!(found(&[0.5, 1.5, 0.3, -1.0]), [None; 4]);
     }
 
     #[test]
