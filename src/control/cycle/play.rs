@@ -5,7 +5,7 @@ use std::ops::ControlFlow::{Break, Continue};
 use super::ControlCycle;
 use crate::found::Found;
 use crate::gain_estimator::{ForecastDeviation, MORE};
-use crate::guards::{MotionFinding, NEVER, PlateSwing, PulseOutcome, Sight, SwingFade, SwingVerdict, went};
+use crate::guards::{MotionFinding, NEVER, PlateSwing, PulseOutcome, Sight, went};
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
@@ -123,11 +123,11 @@ impl ControlCycle<'_, '_> {
     }
 
     /// A pulse as the camera saw it, in which most parts went this way.
-    pub(super) fn sight(&self, went: Option<PulseOutcome>) -> Sight {
+    pub(super) fn sight(&self, parts: Option<PulseOutcome>) -> Sight {
         if self.perception.relocated {
-            return (None, SwingVerdict::Unclear);
+            return Sight::default();
         }
-        (went, self.perception.delay.swing_seen())
+        Sight { parts, plate: self.perception.delay.swing_seen() }
     }
 
     /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved about as planned.
@@ -166,13 +166,13 @@ impl ControlCycle<'_, '_> {
 
     /// Expected swing of the plate in a pulse.
     pub(super) fn swing(&self, expected: &ExpectedMotion<'_>) -> PlateSwing {
-        self.swing_of(expected.wave(), expected.drive.envelope, SwingFade::Velocity)
+        self.swing_of(expected.wave(), expected.drive.envelope, None)
     }
 
-    /// Expected swing of the plate with this velocity at full height.
-    pub(super) fn swing_of(&self, wave: TwistWave, envelope: Envelope, fade: SwingFade) -> PlateSwing {
+    /// Expected swing of the plate with this velocity at full height, while another fades.
+    pub(super) fn swing_of(&self, wave: TwistWave, envelope: Envelope, fades: Option<TwistWave>) -> PlateSwing {
         let (half_side_m, px_per_m) = (0.5 * self.io.model.plate_side_m, self.perception.table.mean_px_per_m());
-        PlateSwing { wave, fade, envelope, half_side_m, px_per_m }
+        PlateSwing { wave, fades, envelope, half_side_m, px_per_m }
     }
 
     /// Forecast places, after a pulse, of parts at `before_m`: by the library alone, with the learned gains, and with
