@@ -195,7 +195,11 @@ impl Perception {
 
     /// The view and the plate's place in a frame at rest.
     fn examine(&mut self) -> (Option<Unusable>, PlateInImage) {
+        let before_m = self.scene.foreign_m.filter(|_| self.foreign > 0);
         let (blind, place) = self.scene.examine(&self.frame, self.tracker.tracks());
+        // an object that lay beside all parts stays foreign where the tracker takes it for one that is gone
+        let is_taken = |at_m: &Vec2| self.positions_m().iter().any(|part_m| (part_m - at_m).norm() < REACH_M);
+        self.scene.foreign_m = self.scene.foreign_m.or(before_m.filter(is_taken));
         let blind = blind.filter(|(finding, _)| self.guards.has(*finding));
         // while a part is missing, an object on the plate may be that part
         let is_foreign =
