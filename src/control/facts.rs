@@ -1,4 +1,4 @@
-use super::found::{FindingChange, Found, Reason};
+use super::found::{Found, Reason};
 use upm_core::geometry::Vec2;
 use upm_core::job::{EventLevel, Outcome, StopCause};
 use upm_core::signal::{AccelTrace, Drive, Frame};
@@ -133,8 +133,8 @@ pub enum EventKind {
     Finding {
         /// The finding, and what it is about.
         found: Found,
-        /// Begin or end.
-        change: FindingChange,
+        /// Number of cycles in which it held, once it no longer holds or the run has ended; `None` when it begins.
+        ended_after: Option<u64>,
         /// The reason alone.
         reason: Reason,
     },

@@ -1,7 +1,7 @@
 //! Lasting findings: each is reported once when it begins and once when it ends, with the number of cycles in which
 //! it held.
 
-use super::found::{FindingChange, Found, Reason};
+use super::found::{Found, Reason};
 use super::{EventFacts, EventKind, EventLevel, Sink};
 use upm_core::job::{Effect, Finding};
 use upm_core::time::PlateTime;
@@ -55,7 +55,7 @@ impl Findings {
             Some(active) => (active.last_at, active.last_cycle, active.times) = (at, cycle, active.times + 1),
             None => {
                 let text = format!("{reason}; {}", found.finding.check());
-                let kind = EventKind::Finding { found, change: FindingChange::Began, reason: reason.clone() };
+                let kind = EventKind::Finding { found, ended_after: None, reason: reason.clone() };
                 sink.event(&EventFacts { at, level: EventLevel::Warning, text, kind });
                 self.active.push(Active { found, reason, began_at: at, last_at: at, last_cycle: cycle, times: 1 });
             }
@@ -78,10 +78,9 @@ impl Findings {
         let cycle = self.cycle;
         for active in self.active.extract_if(.., |active| is_over(active, at, cycle)) {
             let Active { found, reason, began_at, last_at, times, .. } = active;
-            let lasted_s = last_at - began_at;
             let cycles = if times == 1 { "cycle" } else { "cycles" };
-            let text = format!("{until}: {reason} (in {times} {cycles} over {lasted_s:.1} s)");
-            let kind = EventKind::Finding { found, change: FindingChange::Ended { times, lasted_s }, reason };
+            let text = format!("{until}: {reason} (in {times} {cycles} over {:.1} s)", last_at - began_at);
+            let kind = EventKind::Finding { found, ended_after: Some(times), reason };
             sink.event(&EventFacts { at, level: EventLevel::Warning, text, kind });
         }
     }
@@ -93,13 +92,13 @@ mod tests {
 
     /// A sink that keeps the reported changes.
     #[derive(Default)]
-    struct RecordedChanges(Vec<(f64, &'static str, FindingChange, String)>);
+    struct RecordedChanges(Vec<(f64, &'static str, Option<u64>, String)>);
 
     impl Sink for RecordedChanges {
         fn event(&mut self, event: &EventFacts) {
-            let EventKind::Finding { found, change, .. } = event.kind else { panic!("{event:?}") };
+            let EventKind::Finding { found, ended_after, .. } = event.kind else { panic!("{event:?}") };
             assert_eq!(event.level, EventLevel::Warning);
-            self.0.push((event.at.secs(), found.finding.code(), change, event.text.clone()));
+            self.0.push((event.at.secs(), found.finding.code(), ended_after, event.text.clone()));
         }
     }
 
@@ -122,12 +121,12 @@ mod tests {
         let RecordedChanges(recorded) =
             recorded(40, |cycle| if (3..20).contains(&cycle) { vec![Finding::StepsMeetParts.into()] } else { vec![] });
         assert_eq!(recorded.len(), 2, "{recorded:?}");
-        let (at_s, code, change, text) = &recorded[0];
-        assert_eq!((*at_s, *code, *change), (3.0, "steps_meet_parts", FindingChange::Began));
+        let (at_s, code, ended_after, text) = &recorded[0];
+        assert_eq!((*at_s, *code, *ended_after), (3.0, "steps_meet_parts", None));
         assert!(text.starts_with("reason of cycle 3; ") && text.contains("more room"), "{text}");
-        let (at_s, code, change, text) = &recorded[1];
+        let (at_s, code, ended_after, text) = &recorded[1];
         assert_eq!((*at_s, *code), (39.0, "steps_meet_parts"), "twenty quiet cycles after cycle 19");
-        assert_eq!(*change, FindingChange::Ended { times: 17, lasted_s: 16.0 });
+        assert_eq!(*ended_after, Some(17));
         assert_eq!(text, "no longer: reason of cycle 3 (in 17 cycles over 16.0 s)");
     }
 
@@ -157,9 +156,8 @@ mod tests {
     fn findings_of_several_parts_are_separate_and_end_with_the_run() {
         let RecordedChanges(recorded) =
             recorded(2, |_| [0, 1, 0].map(|part| Found::about(Finding::PartBlocked, part)).to_vec());
-        let ends: Vec<&FindingChange> = recorded.iter().map(|(_, _, change, _)| change).collect();
-        let ended = FindingChange::Ended { times: 2, lasted_s: 1.0 };
-        assert_eq!(ends, [&FindingChange::Began, &FindingChange::Began, &ended, &ended]);
+        let ends: Vec<Option<u64>> = recorded.iter().map(|(_, _, ended_after, _)| *ended_after).collect();
+        assert_eq!(ends, [None, None, Some(2), Some(2)]);
         assert!(recorded[2].3.starts_with("until the end: "), "{recorded:?}");
     }
 }

@@ -64,17 +64,3 @@ pub(super) fn finding_of_plan<'a>(status: &PlanStatus, id: impl Fn(usize) -> &'a
         }
     })
 }
-
-/// Begin or end of a finding.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum FindingChange {
-    /// It began in this cycle.
-    Began,
-    /// It no longer holds, or the run has ended.
-    Ended {
-        /// Number of cycles in which it held.
-        times: u64,
-        /// Plate time from its beginning to the last cycle in which it held, s.
-        lasted_s: f64,
-    },
-}

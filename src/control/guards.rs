@@ -8,8 +8,8 @@ mod steps;
 
 use upm_core::job::{Evidence, Finding};
 
-pub(super) use delay::{DelayGuard, NEVER, PlateSwing, SwingFade, SwingVerdict};
-pub(super) use freshness::{Freshness, UnusableFrame};
+pub(super) use delay::{DelayGuard, NEVER, PlateSwing};
+pub(super) use freshness::{Freshness, Unusable};
 pub(super) use motion::{MotionFinding, MotionGuard, Sight};
 pub(super) use steps::{PulseOutcome, StepGuard, went};
 
@@ -24,8 +24,8 @@ const BY_CHANCE: f64 = 3.0;
 /// wide as chance would.
 const MOTION: (f64, f64) = (0.143, 0.0644);
 const LATE: (f64, f64) = (-12.97, 2.70);
-/// Largest share of steps of parts that miss their forecast: four did of those compared there and with `--first 80000
-/// --seeds 150`, 9.15 is its bound at 95 %.
+/// Largest share of steps in which a part hardly moves: at most four did of those compared there and with `--first
+/// 80000 --seeds 150`, 9.15 is its bound at 95 %.
 const MISSED: f64 = 9.15 / 115_898.0;
 /// Least number of missed steps in a row: one wrong observation spoils two.
 const LEAST_IN_A_ROW: u32 = 3;

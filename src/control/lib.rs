@@ -23,7 +23,7 @@ pub use cycle::{FinalState, run};
 pub use facts::{
     ConfirmedFacts, CycleFacts, EventFacts, EventKind, FrameFacts, LocalisedFacts, PulseFacts, PulsePositions, Sink,
 };
-pub use found::{FindingChange, Found, Reason};
+pub use found::{Found, Reason};
 pub use guards::Guards;
 pub use params::ControlParams;
 pub use perception::ExpectedPart;

@@ -9,10 +9,10 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use self::first_observation::find_table;
 use self::naming::name_parts;
-use self::scene::SceneMonitor;
+use self::scene::{SceneMonitor, longest_s};
 use self::settling::{PlateInImage, SWING_S};
 use super::findings::Findings;
-use super::guards::{DelayGuard, Guards, UnusableFrame};
+use super::guards::{DelayGuard, Guards, Unusable};
 use super::run_end::{OrEnd, RunEnd, flow};
 use super::{FrameFacts, LocalisedFacts, RunIo, Sink};
 use upm_core::geometry::Vec2;
@@ -68,8 +68,8 @@ pub struct Perception {
     kinds: Vec<PartKind>,
     model: RigModel,
     blind_after_s: f64,
-    /// Time since which nothing can be seen, and the reason.
-    blind: Option<(PlateTime, UnusableFrame)>,
+    /// Time since which nothing can be seen, and the first finding.
+    blind: Option<(PlateTime, Finding)>,
     /// True when the last pulse was silenced because the view, or a part, was lost.
     pub(crate) motors_stopped: bool,
     /// Time at which the plate is expected to have swung out after a silenced pulse, and the latest such time.
@@ -158,20 +158,21 @@ impl Perception {
             None if at_rest => self.examine(),
             None => (self.covered(), PlateInImage::Unknown),
         };
-        let swing_px = swing_px.filter(|_| blind.is_none());
+        let is_blind = blind.is_some();
+        let swing_px = swing_px.filter(|_| !is_blind);
         self.delay.frame(self.frame.exposed_at.secs(), swing_px);
         let track_us = (io.clock.elapsed() - start).as_secs_f64() * 1e6;
-        let is_plain = at_rest && blind.is_none() && matches!(place, PlateInImage::Same) && self.foreign == 0;
+        let is_plain = at_rest && !is_blind && matches!(place, PlateInImage::Same) && self.foreign == 0;
         io.sink.frame(&FrameFacts {
             frame: &self.frame,
             tracks: self.tracker.tracks(),
             driving: !at_rest,
-            blind: blind.is_some(),
+            blind: is_blind,
             starts_cycle: purpose == FramePurpose::Segment || is_plain && purpose == FramePurpose::Cycle,
             track_us,
         });
         self.settle_blind(blind, io)?;
-        if blind.is_none() && at_rest {
+        if at_rest && !is_blind {
             self.settle_foreign(io.sink)?;
             self.settle_place(&place, io)?;
         }
@@ -193,9 +194,13 @@ impl Perception {
     }
 
     /// The view and the plate's place in a frame at rest.
-    fn examine(&mut self) -> (Option<UnusableFrame>, PlateInImage) {
+    fn examine(&mut self) -> (Option<Unusable>, PlateInImage) {
+        let before_m = self.scene.foreign_m.filter(|_| self.foreign > 0);
         let (blind, place) = self.scene.examine(&self.frame, self.tracker.tracks());
-        let blind = blind.filter(|blind| self.guards.has(blind.finding()));
+        // an object that lay beside all parts stays foreign where the tracker takes it for one that is gone
+        let is_taken = |at_m: &Vec2| self.positions_m().iter().any(|part_m| (part_m - at_m).norm() < REACH_M);
+        self.scene.foreign_m = self.scene.foreign_m.or(before_m.filter(is_taken));
+        let blind = blind.filter(|(finding, _)| self.guards.has(*finding));
         // while a part is missing, an object on the plate may be that part
         let is_foreign =
             self.scene.foreign_m.is_some() && self.frames_missing() == 0 && self.guards.has(Finding::ForeignPart);
@@ -205,10 +210,10 @@ impl Perception {
     }
 
     /// Waits with motors at zero while nothing can be seen, up to the limit of the cause.
-    fn settle_blind(&mut self, blind: Option<UnusableFrame>, io: &mut RunIo<'_>) -> OrEnd {
+    fn settle_blind(&mut self, blind: Option<Unusable>, io: &mut RunIo<'_>) -> OrEnd {
         let now = io.rig.now();
-        let Some(why) = blind else {
-            if let Some((_, UnusableFrame::Dark | UnusableFrame::Hidden)) = self.blind.take() {
+        let Some((finding, why)) = blind else {
+            if let Some((_, Finding::CameraDark | Finding::ViewHidden)) = self.blind.take() {
                 // the plate's appearance behind a hand is unreliable
                 self.scene.forget_plate(&self.table, &self.frame, &self.kinds, self.model.dark_parts);
                 self.foreign = 0;
@@ -217,15 +222,14 @@ impl Perception {
         };
         // the stamp of a bad frame may lie long before the frames that were good
         let blind_from = self.frame.exposed_at.max(self.observed_at).min(now);
-        let (since, _) = *self.blind.get_or_insert((blind_from, why));
+        let (since, _) = *self.blind.get_or_insert((blind_from, finding));
         let for_s = now.secs_since(since);
         if for_s + 1e-9 >= self.blind_after_s {
             self.stop_motors(io.rig);
-            self.findings.note(now, why.finding(), why.reason(), io.sink);
+            self.findings.note(now, finding, why.clone(), io.sink);
         }
-        if for_s > why.longest_s() {
-            let reason = format!("{} for {for_s:.1} s", why.reason());
-            return Break(RunEnd::failed_because(why.finding(), reason));
+        if for_s > longest_s(finding) {
+            return Break(RunEnd::failed_because(finding, format!("{why} for {for_s:.1} s")));
         }
         Continue(())
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use self::fixed::{Fixed, fixed_pair, mm, point_mm, points_mm, seconds};
 use self::lines::{DetailPart, FoundPart, JournalLine, PlanPart, PlannedPart, SentLine, WantedPart, status_of};
-use upm_control::{ConfirmedFacts, CycleFacts, EventFacts, EventKind, FindingChange, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{ConfirmedFacts, CycleFacts, EventFacts, EventKind, LocalisedFacts, PulseFacts, Sink};
 use upm_planning::cor_library::Library;
 
 pub use lines::{RECORDING_FAILED, journal_schema};
@@ -137,13 +137,10 @@ impl<W: Write> Sink for Journal<W> {
     fn event(&mut self, event: &EventFacts) {
         let detail = match &event.kind {
             EventKind::Note => None,
-            EventKind::Finding { found, change, reason } => {
-                let (change, times) = match *change {
-                    FindingChange::Began => ("began", None),
-                    FindingChange::Ended { times, .. } => ("ended", Some(times)),
-                };
+            EventKind::Finding { found, ended_after, reason } => {
+                let change = if ended_after.is_none() { "began" } else { "ended" };
                 let (code, runner_up) = (found.finding.code(), reason.runner_up.as_ref());
-                Some(DetailPart::Finding { code, change, times, runner_up })
+                Some(DetailPart::Finding { code, change, times: *ended_after, runner_up })
             }
             EventKind::RunEnded { outcome, cause } => Some(DetailPart::RunEnded { outcome: *outcome, code: *cause }),
             EventKind::RecordingEnded => Some(DetailPart::RecordingEnded { code: RECORDING_FAILED }),
@@ -217,13 +214,13 @@ mod tests {
             let found = Found { finding: Finding::PartSlow, about: Some(1) };
             let (at, reason) = (PlateTime::from_secs(2.0), "slow");
             let runner_up = Some(RunnerUp { what: "accelerometer channel y2".into(), odds: 20 });
-            let event = |change, text: &str| {
+            let event = |ended_after, text: &str| {
                 let reason = Reason { text: reason.to_owned(), runner_up: runner_up.clone() };
-                let kind = EventKind::Finding { found, change, reason };
+                let kind = EventKind::Finding { found, ended_after, reason };
                 EventFacts { kind, ..EventFacts::note(at, EventLevel::Warning, text) }
             };
-            journal.event(&event(FindingChange::Began, "slow"));
-            journal.event(&event(FindingChange::Ended { times: 3, lasted_s: 1.5 }, "no longer"));
+            journal.event(&event(None, "slow"));
+            journal.event(&event(Some(3), "no longer"));
         });
         let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         let began = json!({

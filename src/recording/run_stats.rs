@@ -2,7 +2,7 @@ use super::lengths::{Lengths, rounded};
 use super::path_stats::PathStats;
 use super::report::{CycleError, GuardReport, PredictionError, Report};
 use super::timings::Timings;
-use upm_control::{CycleFacts, EventFacts, EventKind, FindingChange, FrameFacts, LocalisedFacts, PulseFacts, Sink};
+use upm_control::{CycleFacts, EventFacts, EventKind, FrameFacts, LocalisedFacts, PulseFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::job::Effect;
@@ -109,7 +109,7 @@ impl Sink for RunStats {
     }
 
     fn event(&mut self, event: &EventFacts) {
-        let EventKind::Finding { found, change: FindingChange::Began, reason } = &event.kind else { return };
+        let EventKind::Finding { found, ended_after: None, reason } = &event.kind else { return };
         if found.finding.effect() != Effect::GoesOn && self.guards.len() < MOST_GUARDS {
             let (code, at_s) = (found.finding.code().to_owned(), rounded(event.at.secs()));
             self.guards.push(GuardReport { code, at_s, text: event.text.clone(), runner_up: reason.runner_up.clone() });

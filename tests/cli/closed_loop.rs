@@ -113,7 +113,7 @@ fn library_with_reversed_signs_ends_the_run_before_a_coin_is_lost() {
     let (_, report) = run(&file, &folder.path().join("out"), &[], 1);
     assert_eq!((&report["outcome"], &report["lost_parts"]), (&json!("failed"), &json!(0)));
     let code = report["stop"]["code"].as_str().unwrap();
-    assert!(["motion_off", "coil_fault", "part_astray"].contains(&code), "{report}");
+    assert!(["motion_off", "coil_fault"].contains(&code), "{report}");
 }
 
 #[test]

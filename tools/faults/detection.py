@@ -49,7 +49,7 @@ BARS = {
     "coil gain": Bar(COIL_CODES, pulses=2),
     "accel dead": Bar(("accelerometer_fault",), pulses=1),
     "accel flip": Bar(("accelerometer_fault",), pulses=1),
-    "part glued": Bar(("part_stuck", "part_astray"), cycles=5),
+    "part glued": Bar(("part_stuck",), cycles=5),
     # before the plate was ever seen nothing tells what hides it
     "camera dark": Bar(("camera_dark", "table_missing"), DARK_S, at_rest=True),
     "view hand": Bar(("view_hidden", "camera_dark", "table_missing"), DARK_S, at_rest=True),
@@ -58,7 +58,7 @@ BARS = {
 }
 BARS |= {f"coils {kind}": BARS["coil dead"] for kind in LYING_COILS} | {"coils gain": BARS["coil gain"]}
 # without accelerometers the ways of the parts tell that every coil is reversed
-UNWATCHED = Bar(("part_astray", "parts_jumped", *COIL_CODES), pulses=6)
+UNWATCHED = Bar(("parts_jumped", *COIL_CODES), pulses=6)
 
 
 def violations(run):

@@ -224,7 +224,7 @@ CASES = [
     *((f"a process with {change}", ["O6"], Folder(), {"process": process(**change)}) for change in (
         {"status": 101}, {"status": -11}, {"wall_s": 51.0}, {"rss_mb": 201.0}, {"status": 1}, {"stderr": "thread panicked at x.rs"})),
     ("no fault", [], Folder()),
-    ("a guard without a fault", ["O8"], Folder(guards=[("part_astray", 1.0)])),
+    ("a guard without a fault", ["O8"], Folder(guards=[("part_stuck", 1.0)])),
     ("a failure without a fault", ["O8"], Folder(outcome="failed")),
     ("faults are over, and no code", ["O9"], Folder("light:gain=0.9@0-2", outcome="failed"), {"is_liveness": True}),
     ("faults are over, and a code", [], Folder("light:gain=0.9@0-2", stop=("time_limit", 3.0)), {"is_liveness": True}),
@@ -236,7 +236,7 @@ NOTICES = [
     (Folder("camera:freeze@0.7"), None, ..., True),
     (Folder("coil0:dead@0", stop=("coil_fault", 1.1)), "coil_fault", ..., True),
     (Folder("coil0:gain=0.85@0", guards=[("coil_fault", 1.02)]), "coil_fault", ..., False),
-    (Folder("coils:reversed@0.01,accel0:dead@0", stop=("part_astray", 2.5)), "part_astray", ..., False),
+    (Folder("coils:reversed@0.01,accel0:dead@0", stop=("parts_jumped", 2.5)), "parts_jumped", ..., False),
     (Folder("coils:reversed@0.01,accel0:dead@0", cycles=9, stop=("part_lost", 4.4)), None, ..., True),
     # from the end of the pulse on
     (Folder("camera:shift=3;0@0.6", stop=("camera_moved", 1.15)), "camera_moved", "0.142 s at rest", False),

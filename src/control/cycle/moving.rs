@@ -5,14 +5,14 @@ use std::sync::atomic::Ordering;
 
 use super::ControlCycle;
 use super::play::drive_of;
-use crate::guards::{PlateSwing, SwingFade, went};
+use crate::guards::{PlateSwing, went};
 use crate::perception::FramePurpose;
 use crate::pulse_planner::PulsePlanner;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{CycleFacts, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
-use upm_core::signal::Drive;
+use upm_core::signal::{Drive, TwistWave};
 use upm_core::time::PlateTime;
 use upm_perception::estimation::{ExpectedMotion, FitFault, MotionJudgement, PlateFit, TakeOver, judge};
 use upm_planning::cor_library::CoilResponse;
@@ -256,16 +256,16 @@ impl ControlCycle<'_, '_> {
         self.check_frozen(is_as_planned)?;
         self.check_picture_delay(is_as_planned)?;
         let positions = facts.positions.as_ref();
-        let found = positions.and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
-        self.report_step(found)
+        let stuck = positions.and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
+        self.report_step(stuck)
     }
 
     /// Swing of the plate while `next` takes over from `last`.
     fn swing_after(&self, next: &PlannedSegment, last: Option<&PlannedPulse>) -> PlateSwing {
-        let fade = match last {
-            Some(PlannedPulse::Field(last)) => SwingFade::From(last.wave.clone()),
-            _ => SwingFade::Rest,
+        let fades = match last {
+            Some(PlannedPulse::Field(last)) => last.wave.clone(),
+            _ => TwistWave::default(),
         };
-        self.swing_of(next.segment.pulse.wave.clone(), next.drive.envelope, fade)
+        self.swing_of(next.segment.pulse.wave.clone(), next.drive.envelope, Some(fades))
     }
 }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow::{Break, Continue};
 use super::ControlCycle;
 use crate::found::Found;
 use crate::gain_estimator::{ForecastDeviation, MORE};
-use crate::guards::{MotionFinding, NEVER, PlateSwing, PulseOutcome, Sight, SwingFade, SwingVerdict, went};
+use crate::guards::{MotionFinding, NEVER, PlateSwing, PulseOutcome, Sight, went};
 use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
@@ -90,19 +90,16 @@ impl ControlCycle<'_, '_> {
         let went = positions.as_ref().and_then(went);
         let is_as_planned = self.check_motion(drive, coils, fit, went)?;
         self.check_picture_delay(is_as_planned)?;
-        let found = positions.as_ref().and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
-        self.report_step(found)
+        let stuck = positions.as_ref().and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
+        self.report_step(stuck)
     }
 
-    /// Ends a run whose part does not go where it is carried.
-    pub(super) fn report_step(&mut self, found: Option<(usize, Finding)>) -> OrEnd {
-        let Some((part, finding)) = found.filter(|(_, finding)| self.params.guards.has(*finding)) else {
-            return Continue(());
-        };
-        let does = if finding == Finding::PartStuck { "hardly moves" } else { "goes the other way" };
+    /// Ends a run whose part stays although it is carried.
+    pub(super) fn report_step(&mut self, stuck: Option<usize>) -> OrEnd {
+        let Some(part) = stuck.filter(|_| self.params.guards.has(Finding::PartStuck)) else { return Continue(()) };
         let (id, pulses) = (self.params.id(part), self.limits.steps_limit);
-        let reason = format!("{id} {does} although {pulses} pulses in a row should carry it");
-        Break(self.end_by(Found::about(finding, part), reason))
+        let reason = format!("{id} hardly moves although {pulses} pulses in a row should carry it");
+        Break(self.end_by(Found::about(Finding::PartStuck, part), reason))
     }
 
     /// Compares the plate's motion in a pulse with its plan; true where it moved as planned.
@@ -126,11 +123,11 @@ impl ControlCycle<'_, '_> {
     }
 
     /// A pulse as the camera saw it, in which most parts went this way.
-    pub(super) fn sight(&self, went: Option<PulseOutcome>) -> Sight {
+    pub(super) fn sight(&self, parts: Option<PulseOutcome>) -> Sight {
         if self.perception.relocated {
-            return (None, SwingVerdict::Unclear);
+            return Sight::default();
         }
-        (went, self.perception.delay.swing_seen())
+        Sight { parts, plate: self.perception.delay.swing_seen() }
     }
 
     /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved about as planned.
@@ -169,13 +166,13 @@ impl ControlCycle<'_, '_> {
 
     /// Expected swing of the plate in a pulse.
     pub(super) fn swing(&self, expected: &ExpectedMotion<'_>) -> PlateSwing {
-        self.swing_of(expected.wave(), expected.drive.envelope, SwingFade::Velocity)
+        self.swing_of(expected.wave(), expected.drive.envelope, None)
     }
 
-    /// Expected swing of the plate with this velocity at full height.
-    pub(super) fn swing_of(&self, wave: TwistWave, envelope: Envelope, fade: SwingFade) -> PlateSwing {
+    /// Expected swing of the plate with this velocity at full height, while another fades.
+    pub(super) fn swing_of(&self, wave: TwistWave, envelope: Envelope, fades: Option<TwistWave>) -> PlateSwing {
         let (half_side_m, px_per_m) = (0.5 * self.io.model.plate_side_m, self.perception.table.mean_px_per_m());
-        PlateSwing { wave, fade, envelope, half_side_m, px_per_m }
+        PlateSwing { wave, fades, envelope, half_side_m, px_per_m }
     }
 
     /// Forecast places, after a pulse, of parts at `before_m`: by the library alone, with the learned gains, and with

@@ -2,7 +2,7 @@ use std::collections::VecDeque;
 
 use nalgebra::{Complex, DVector, Vector3};
 
-use super::{GROSS, SLIGHT};
+use super::{GROSS, PulseOutcome, SLIGHT};
 use upm_core::phasor::polar;
 use upm_core::signal::{Envelope, TwistWave};
 use upm_perception::estimation::BEARABLE_GAINS;
@@ -45,41 +45,20 @@ pub struct DelayGuard {
     unexplained: (f64, f64),
 }
 
-/// The planned swing of a pulse as its frames show it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SwingVerdict {
-    /// The frames show that swing.
-    AsDriven,
-    /// The frames show another swing.
-    Otherwise,
-    /// Too small to judge.
-    Unclear,
-}
-
 /// Planned swing of the plate in a pulse.
 #[derive(Clone, Debug)]
 pub struct PlateSwing {
-    /// The quantity that follows the outline, and the motion before it.
-    pub fade: SwingFade,
     /// Its velocity at full height, times from the start of the pulse.
     pub wave: TwistWave,
-    /// Outline of the pulse, which the displacement follows.
+    /// The motion that fades out meanwhile where the displacement follows the outline, without harmonics for one from
+    /// rest; `None` where the velocity follows it.
+    pub fades: Option<TwistWave>,
+    /// Outline of the pulse.
     pub envelope: Envelope,
     /// Distance of the corners from the plate's axes, m.
     pub half_side_m: f64,
     /// Pixels per metre on the plate.
     pub px_per_m: f64,
-}
-
-/// The beginning of a planned swing.
-#[derive(Clone, Debug)]
-pub enum SwingFade {
-    /// From rest; the velocity follows the outline.
-    Velocity,
-    /// From rest; the displacement follows the outline.
-    Rest,
-    /// The displacement does, and another motion, of this velocity, fades out meanwhile.
-    From(TwistWave),
 }
 
 impl DelayGuard {
@@ -123,16 +102,16 @@ impl DelayGuard {
         self.weighed().0[..NEVER].iter().any(|evidence| *evidence > DOUBTFUL)
     }
 
-    /// Verdict on the planned swing in the frames since the newest pulse began.
-    pub fn swing_seen(&self) -> SwingVerdict {
+    /// How the plate swung in the frames since the newest pulse began; `None` where they do not tell.
+    pub fn swing_seen(&self) -> Option<PulseOutcome> {
         let counted = || self.seen().filter(|(_, _, expected)| *expected < FARTHEST_PX);
         let expected: f64 = counted().map(|(_, _, expected)| expected * expected).sum();
         let left: f64 = counted().map(|(_, seen, expected)| (seen - expected).powi(2)).sum();
         let is_clear = shows_height(expected, counted().count());
         match left / expected {
-            share if is_clear && share < SLIGHT * SLIGHT => SwingVerdict::AsDriven,
-            share if is_clear && share > GROSS * GROSS => SwingVerdict::Otherwise,
-            _ => SwingVerdict::Unclear,
+            share if is_clear && share < SLIGHT * SLIGHT => Some(PulseOutcome::AsPlanned),
+            share if is_clear && share > GROSS * GROSS => Some(PulseOutcome::Otherwise),
+            _ => None,
         }
     }
 
@@ -210,15 +189,11 @@ impl PlateSwing {
     fn corner_px(&self, t_s: f64) -> f64 {
         let (height, slope) = (self.envelope.at(t_s), self.envelope.slope(t_s));
         let curvature = self.envelope.curvature(t_s);
-        let place = match &self.fade {
-            SwingFade::Velocity => {
-                place(&self.wave, t_s, |rate| Complex::new(slope / rate, curvature / (rate * rate) - height))
-            }
-            SwingFade::Rest => place(&self.wave, t_s, |_| Complex::new(0.0, -height)),
-            SwingFade::From(last) => {
+        let place = match &self.fades {
+            None => place(&self.wave, t_s, |rate| Complex::new(slope / rate, curvature / (rate * rate) - height)),
+            Some(last) => {
                 let faded = if t_s < self.envelope.attack_s { 1.0 - height } else { 0.0 };
-                let of_last = place(last, t_s, |_| Complex::new(0.0, -faded));
-                place(&self.wave, t_s, |_| Complex::new(0.0, -height)) + of_last
+                place(&self.wave, t_s, |_| Complex::new(0.0, -height)) + place(last, t_s, |_| Complex::new(0.0, -faded))
             }
         };
         let (x_m, y_m, turn_m) = (place.x.abs(), place.y.abs(), place.z.abs() * self.half_side_m);

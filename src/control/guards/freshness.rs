@@ -1,7 +1,8 @@
 use std::collections::VecDeque;
 
 use super::delay::{LATE, NOISE_PX};
-use upm_core::signal::{Frame, MeasuredPositions};
+use upm_core::job::Finding;
+use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
 
 /// Number of bands of a frame that are checked separately: one of them may freeze while the others go on.
@@ -14,19 +15,8 @@ const REMEMBERED: usize = 8;
 /// Difference of displacements that noise does not explain, px.
 const SWING_PX: f64 = 6.0 * NOISE_PX;
 
-/// Reason for which a frame is unusable.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum UnusableFrame {
-    /// The frame, or part of it, repeats one of the last pictures. Read noise makes every picture of a working camera
-    /// unique.
-    Repeated,
-    /// Its number or its time stamp does not fit the present: the stamp is this old, s; negative for one in the future.
-    Stamp(f64),
-    /// The frame shows no plate.
-    Dark,
-    /// Something hides part of the plate.
-    Hidden,
-}
+/// The finding that makes a frame unusable, and its reason for people.
+pub type Unusable = (Finding, String);
 
 /// Distinguishes frames of the present from old ones.
 #[derive(Clone, Debug, Default)]
@@ -37,8 +27,6 @@ pub struct Freshness {
     /// For each band its last pictures, and whether noise is visible in it: they differed in the first two frames,
     /// which show the same scene, or as a whole later.
     bands: [(VecDeque<Vec<u8>>, bool); BANDS],
-    /// Positions in the last frame, where it had them in place of pixels.
-    positions: Option<MeasuredPositions>,
     /// True once a frame has differed from the first.
     pub changed: bool,
     /// Displacement of the corners that the last frames show exactly, px, and the least and the largest that the plate
@@ -54,29 +42,23 @@ impl Freshness {
 
     /// Checks `frame`, which arrived at `now`; `Some` where it does not show the present. `swing_px` is the largest
     /// displacement of a corner that it shows, and the one that the plate should have.
-    pub fn check(&mut self, frame: &Frame, now: PlateTime, swing_px: (Option<f64>, f64)) -> Option<UnusableFrame> {
+    pub fn check(&mut self, frame: &Frame, now: PlateTime, swing_px: (Option<f64>, f64)) -> Option<Unusable> {
         let before = self.last.replace((frame.index, frame.exposed_at));
         let older_s = now - frame.exposed_at;
         let is_next = before.is_none_or(|(index, at)| frame.index > index && frame.exposed_at > at);
         // the transfer of a picture that is not late yet, and the frame in which it is taken
         let oldest_s = (LATE + 1) as f64 * self.frame_s + self.exposure_s;
         let in_time = (-self.frame_s..=oldest_s).contains(&older_s);
-        let stands_still = self.stands_still(swing_px);
-        let repeated = match &frame.positions {
-            Some(positions) => {
-                // noise makes all positions unique
-                let before = self.positions.replace(positions.clone());
-                let is_same = before.as_ref() == Some(positions);
-                self.changed |= before.is_some() && !is_same;
-                is_same && !positions.discs.is_empty()
-            }
-            None => self.check_picture(frame),
-        };
-        let stamp = (!is_next || !in_time).then_some(UnusableFrame::Stamp(older_s));
-        stamp.or((repeated || stands_still).then_some(UnusableFrame::Repeated))
+        let is_old = self.stands_still(swing_px) | self.repeats(frame);
+        if !is_next || !in_time {
+            let reason = format!("a frame's number or stamp does not fit: it is {:.0} ms old", older_s * 1e3);
+            return Some((Finding::CameraStale, reason));
+        }
+        is_old.then(|| (Finding::CameraFrozen, "the camera sends the same picture again".to_owned()))
     }
 
-    fn check_picture(&mut self, frame: &Frame) -> bool {
+    /// True where noise makes pictures unique, and this one, or a band of it, repeats one of the last.
+    fn repeats(&mut self, frame: &Frame) -> bool {
         let mut repeated = false;
         let height = frame.height.div_ceil(BANDS).max(1);
         for (band, (seen, is_noisy)) in self.bands.iter_mut().enumerate() {
@@ -85,15 +67,19 @@ impl Freshness {
                 let row = frame.pixels.get(y * frame.width..(y + 1) * frame.width);
                 pixels.extend_from_slice(row.unwrap_or_default());
             }
+            // positions in place of pixels have noise, too
+            let discs = frame.positions.iter().flat_map(|positions| &positions.discs);
+            pixels.extend(discs.flat_map(|disc| disc.center_px.iter()).flat_map(|px| px.to_le_bytes()));
             // black or white shows no noise
             let is_uniform = pixels.iter().all(|pixel| Some(pixel) == pixels.first());
             if let Some(last) = seen.back().filter(|_| !*is_noisy) {
                 let differing = pixels.iter().zip(last).filter(|(pixel, before)| pixel != before).count();
                 // noise differs in most pixels, a moving plate along its sides only
-                *is_noisy = !is_uniform && differing > if seen.len() == 1 { 0 } else { pixels.len() / 2 };
+                let least = if seen.len() == 1 || frame.positions.is_some() { 0 } else { pixels.len() / 2 };
+                *is_noisy = !is_uniform && differing > least;
                 self.changed |= differing > 0;
             }
-            repeated |= *is_noisy && !is_uniform && seen.len() > 1 && seen.contains(&pixels);
+            repeated |= *is_noisy && !is_uniform && seen.contains(&pixels);
             if seen.len() == REMEMBERED {
                 seen.pop_front();
             }
@@ -119,7 +105,7 @@ impl Freshness {
 mod tests {
     use super::*;
     use upm_core::geometry::Vec2;
-    use upm_core::signal::MeasuredDisc;
+    use upm_core::signal::{MeasuredDisc, MeasuredPositions};
 
     /// Frame `index` at 60 per second with noise of `seed`.
     fn frame(index: u64, seed: u64) -> Frame {
@@ -133,20 +119,20 @@ mod tests {
         frame
     }
 
-    fn check(of: &mut Freshness, frame: &Frame) -> Option<UnusableFrame> {
-        of.check(frame, frame.exposed_at + 0.002, (None, 0.0))
+    fn check(of: &mut Freshness, frame: &Frame) -> Option<Finding> {
+        of.check(frame, frame.exposed_at + 0.002, (None, 0.0)).map(|(finding, _)| finding)
     }
 
     #[test]
     fn picture_that_comes_again_is_stale_and_new_ones_are_not() {
         let mut fresh = Freshness::new(60.0, 0.004);
         assert!((1..50).all(|i| check(&mut fresh, &frame(i, i)).is_none()));
-        assert_eq!(check(&mut fresh, &frame(50, 49)), Some(UnusableFrame::Repeated));
-        assert_eq!(check(&mut fresh, &frame(51, 47)), Some(UnusableFrame::Repeated), "one of several");
+        assert_eq!(check(&mut fresh, &frame(50, 49)), Some(Finding::CameraFrozen));
+        assert_eq!(check(&mut fresh, &frame(51, 47)), Some(Finding::CameraFrozen), "one of several");
         assert_eq!(check(&mut fresh, &frame(52, 52)), None);
         let mut torn = frame(53, 53);
         torn.pixels[..16 * 40].copy_from_slice(&frame(52, 52).pixels[..16 * 40]);
-        assert_eq!(check(&mut fresh, &torn), Some(UnusableFrame::Repeated), "a quarter of it stands still");
+        assert_eq!(check(&mut fresh, &torn), Some(Finding::CameraFrozen), "a quarter of it stands still");
     }
 
     #[test]
@@ -158,8 +144,8 @@ mod tests {
             Frame { pixels: Vec::new(), positions, ..frame(index, 1) }
         };
         let stale =
-            [7.0, 7.01, 7.01, 7.0].into_iter().zip(1..).map(|(x_px, index)| check(&mut fresh, &at(index, x_px)));
-        assert_eq!(stale.collect::<Vec<_>>(), [None, None, Some(UnusableFrame::Repeated), None]);
+            [7.0, 7.01, 7.01, 7.02].into_iter().zip(1..).map(|(x_px, index)| check(&mut fresh, &at(index, x_px)));
+        assert_eq!(stale.collect::<Vec<_>>(), [None, None, Some(Finding::CameraFrozen), None]);
         let hidden = |index| Frame { positions: Some(MeasuredPositions::default()), ..at(index, 0.0) };
         assert_eq!([5, 6].map(|index| check(&mut fresh, &hidden(index))), [None, None]);
     }
@@ -169,7 +155,7 @@ mod tests {
         let mut fresh = Freshness::new(60.0, 0.004);
         let pictures = [1, 1, 2, 3, 4, 4];
         let stale = (1..).zip(pictures).map(|(i, seed)| check(&mut fresh, &frame(i, seed))).collect::<Vec<_>>();
-        assert_eq!(stale, [None, None, None, None, None, Some(UnusableFrame::Repeated)]);
+        assert_eq!(stale, [None, None, None, None, None, Some(Finding::CameraFrozen)]);
     }
 
     #[test]
@@ -185,15 +171,11 @@ mod tests {
     fn stamp_that_does_not_fit_the_present_is_stale() {
         let mut fresh = Freshness::new(60.0, 0.004);
         assert_eq!(check(&mut fresh, &frame(1, 1)), None);
-        assert!(matches!(check(&mut fresh, &frame(1, 2)), Some(UnusableFrame::Stamp(_))), "the same number");
+        assert_eq!(check(&mut fresh, &frame(1, 2)), Some(Finding::CameraStale), "the same number");
+        let mut told = |frame: &Frame, now| fresh.check(frame, now, (None, 0.0)).map(|(_, reason)| reason).unwrap();
         let late = frame(9, 9);
-        assert!(
-            matches!(fresh.check(&late, late.exposed_at + 0.2, (None, 0.0)), Some(UnusableFrame::Stamp(older_s)) if older_s > 0.19)
-        );
-        let early = frame(10, 10);
-        assert!(
-            matches!(fresh.check(&early, PlateTime::from_secs(0.1), (None, 0.0)), Some(UnusableFrame::Stamp(older_s)) if older_s < 0.0)
-        );
+        assert!(told(&late, late.exposed_at + 0.2).ends_with(" 200 ms old"));
+        assert!(told(&frame(10, 10), PlateTime::from_secs(0.1)).ends_with(" -67 ms old"));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 use super::{GROSS, SLIGHT};
 use crate::PulsePositions;
 use crate::progress::SERVED;
-use upm_core::job::Finding;
+use upm_core::geometry::Vec2;
 
 /// Error of the forecasts of synthesised fields among many parts, m.
 const FORECAST_M: f64 = 1e-3;
@@ -14,82 +14,67 @@ const SHORTEST_OF_MANY_M: f64 = 3.0 * FORECAST_M;
 /// Compares the measured step of each part with its forecast.
 #[derive(Clone, Debug, Default)]
 pub struct StepGuard {
-    /// For each part the outcome of its last steps, and their number in a row.
-    shown: Vec<(PulseOutcome, u32)>,
-    /// Steps that were compared, and those that missed their forecast.
+    /// For each part the number of its last steps, in a row, in which it hardly moved.
+    missed: Vec<u32>,
+    /// Steps that were compared, and those in which the part hardly moved.
     pub compared: [u64; 2],
 }
 
 impl StepGuard {
-    /// Takes the steps of one pulse. Returns the first part that has missed its forecasts `limit` times in a row, and
-    /// whether it hardly moves or moves against them.
-    pub fn check(&mut self, seen: &PulsePositions, limit: u32) -> Option<(usize, Finding)> {
+    /// Takes the steps of one pulse. Returns the first part that has hardly moved in `limit` of its steps in a row.
+    pub fn check(&mut self, seen: &PulsePositions, limit: u32) -> Option<usize> {
         let parts = seen.before_m.len();
-        self.shown.resize(parts, (PulseOutcome::There, 0));
-        let mut found = None;
-        for (part, outcome) in outcomes(seen, if parts > SERVED as usize { SHORTEST_OF_MANY_M } else { SHORTEST_M }) {
-            let (last, in_a_row) = self.shown[part];
-            self.shown[part] = (outcome, if outcome == last { in_a_row + 1 } else { 1 });
-            self.compared[0] += 1;
-            let PulseOutcome::Missed(finding) = outcome else { continue };
-            self.compared[1] += 1;
-            if self.shown[part].1 >= limit {
-                found = found.or(Some((part, finding)));
-            }
+        self.missed.resize(parts, 0);
+        let shortest_m = if parts > SERVED as usize { SHORTEST_OF_MANY_M } else { SHORTEST_M };
+        for (part, wanted, went) in steps(seen, shortest_m) {
+            let is_missed = went.norm() < SLIGHT * wanted.norm();
+            self.missed[part] = if is_missed { self.missed[part] + 1 } else { 0 };
+            self.compared = [self.compared[0] + 1, self.compared[1] + u64::from(is_missed)];
         }
-        found
+        self.missed.iter().position(|missed| *missed >= limit)
     }
 }
 
-/// Where a part with a forecast displacement, or most of them, ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How a pulse carried a part, most parts or the plate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PulseOutcome {
-    /// At the forecast place, within the accuracy of forecasts for a plate that moves as planned.
-    There,
-    /// Near it, as on a plate that moves slightly off its plan.
+    /// As planned, within the accuracy of forecasts.
+    AsPlanned,
+    /// Nearly so, as by a plate that moves slightly off its plan.
     About,
-    /// Where it was since it hardly moved, or the other way.
-    Missed(Finding),
-    /// Anywhere else, as one that slid on.
-    Elsewhere,
+    /// Otherwise, or not at all.
+    Otherwise,
 }
 
-/// The parts that should go `shortest_m` or farther, and where each went.
-fn outcomes(seen: &PulsePositions, shortest_m: f64) -> impl Iterator<Item = (usize, PulseOutcome)> {
+/// The parts that should go `shortest_m` or farther, with the step of each and the one that it went.
+fn steps(seen: &PulsePositions, shortest_m: f64) -> impl Iterator<Item = (usize, Vec2, Vec2)> {
     let PulsePositions { before_m, by_learning_m, after_m, .. } = seen;
-    let steps = before_m.iter().zip(by_learning_m).zip(after_m).map(|((from, to), after)| (to - from, after - from));
-    steps.enumerate().filter(move |(_, (wanted, _))| wanted.norm() >= shortest_m).map(|(part, (wanted, went))| {
+    let steps = before_m.iter().zip(by_learning_m).zip(after_m).zip(0..);
+    let steps = steps.map(|(((from, to), after), part)| (part, to - from, after - from));
+    steps.filter(move |(_, wanted, _)| wanted.norm() >= shortest_m)
+}
+
+/// How a pulse carried most parts; `None` when no part should move far enough to judge.
+pub fn went(seen: &PulsePositions) -> Option<PulseOutcome> {
+    let outcome = |(_, wanted, went): (usize, Vec2, Vec2)| {
         let length_m = wanted.norm();
         let along = went.dot(&wanted) / (length_m * length_m);
         let across = (went - wanted * along).norm() / length_m;
-        let is_about = along > GROSS && along < 1.0 / GROSS && across < GROSS;
-        let outcome = match is_about {
-            true if (went - wanted).norm() < FORECAST_M.max(SLIGHT * length_m) => PulseOutcome::There,
+        match along > GROSS && along < 1.0 / GROSS && across < GROSS {
+            true if (went - wanted).norm() < FORECAST_M.max(SLIGHT * length_m) => PulseOutcome::AsPlanned,
             true => PulseOutcome::About,
-            _ if went.norm() < SLIGHT * length_m => PulseOutcome::Missed(Finding::PartStuck),
-            _ if along < -SLIGHT => PulseOutcome::Missed(Finding::PartAstray),
-            _ => PulseOutcome::Elsewhere,
-        };
-        (part, outcome)
-    })
-}
-
-/// Verdict on most parts in a pulse; `None` when no part should move far enough to judge.
-pub fn went(seen: &PulsePositions) -> Option<PulseOutcome> {
-    let all: Vec<PulseOutcome> = outcomes(seen, SHORTEST_M).map(|(_, outcome)| outcome).collect();
-    let are_most = |of: &[PulseOutcome]| 2 * all.iter().filter(|outcome| of.contains(outcome)).count() > all.len();
-    match all.len() {
-        0 => None,
-        _ if are_most(&[PulseOutcome::There]) => Some(PulseOutcome::There),
-        _ if are_most(&[PulseOutcome::There, PulseOutcome::About]) => Some(PulseOutcome::About),
-        _ => Some(PulseOutcome::Elsewhere),
-    }
+            false => PulseOutcome::Otherwise,
+        }
+    };
+    let mut all: Vec<PulseOutcome> = steps(seen, SHORTEST_M).map(outcome).collect();
+    all.sort_unstable();
+    // the best outcome that more than half of the parts reach
+    all.get(all.len() / 2).copied()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use upm_core::geometry::Vec2;
 
     /// Positions of parts that should go `step_m` and went to `after_m`.
     fn positions(step_m: Vec2, after_m: Vec<Vec2>) -> PulsePositions {
@@ -98,18 +83,17 @@ mod tests {
     }
 
     /// Findings in each of several pulses that should carry two parts 4 mm along x; the second moves `share` of it.
-    fn found(shares: &[f64]) -> Vec<Option<(usize, Finding)>> {
+    fn found(shares: &[f64]) -> Vec<Option<usize>> {
         let mut guard = StepGuard::default();
         let step = Vec2::new(4e-3, 0.0);
         shares.iter().map(|&share| guard.check(&positions(step, vec![step, step * share]), 4)).collect()
     }
 
     #[test]
-    fn part_that_goes_unlike_its_forecast_four_times_is_found() {
-        assert_eq!(found(&[0.0, 0.1, 0.05, 0.0]), [None, None, None, Some((1, Finding::PartStuck))]);
-        assert_eq!(found(&[-1.0, -0.5, -0.3, -0.4])[3], Some((1, Finding::PartAstray)));
+    fn part_that_hardly_moves_four_times_is_found() {
+        assert_eq!(found(&[0.0, 0.1, 0.05, 0.0]), [None, None, None, Some(1)]);
         assert_eq!(found(&[0.0, 0.0, 0.0, 0.5, 0.0, 0.0]), [None; 6], "in a row");
-        assert_eq!(found(&[0.5, 1.5, 0.3, 1.0]), [None; 4]);
+        assert_eq!(found(&[0.5, 1.5, 0.3, -1.0]), [None; 4]);
     }
 
     #[test]
@@ -118,11 +102,11 @@ mod tests {
         let of = |shares: [f64; 3]| went(&positions(step, shares.map(|share| step * share).to_vec()));
         assert_eq!(
             (of([1.0, 0.9, 0.0]), of([0.0, 0.1, 1.0])),
-            (Some(PulseOutcome::There), Some(PulseOutcome::Elsewhere))
+            (Some(PulseOutcome::AsPlanned), Some(PulseOutcome::Otherwise))
         );
         assert_eq!(of([1.0, 0.7, 1.3]), Some(PulseOutcome::About), "one is near");
         assert_eq!(went(&positions(Vec2::zeros(), vec![step; 3])), None);
         let gliding = went(&positions(step, vec![Vec2::new(6e-3, 3e-3)]));
-        assert_eq!(gliding, Some(PulseOutcome::Elsewhere), "parts that glide go elsewhere");
+        assert_eq!(gliding, Some(PulseOutcome::Otherwise), "parts that glide go elsewhere");
     }
 }

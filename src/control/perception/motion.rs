@@ -4,7 +4,7 @@ use std::ops::ControlFlow::{Break, Continue};
 
 use super::{Perception, REACH_M};
 use crate::Sink;
-use crate::guards::{PlateSwing, UnusableFrame};
+use crate::guards::{PlateSwing, Unusable};
 use crate::run_end::OrEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
@@ -41,17 +41,17 @@ impl Perception {
 
     /// Reason for which the newest frame, which arrived at `now` and shows the plate `swing_px` from its place, is not
     /// of the present; `None` for a frame of the present.
-    pub(super) fn stale(&mut self, now: PlateTime, swing_px: Option<f64>) -> Option<UnusableFrame> {
+    pub(super) fn stale(&mut self, now: PlateTime, swing_px: Option<f64>) -> Option<Unusable> {
         let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
         let stale = self.scene.freshness.check(&self.frame, now, (swing_px, expected_px));
-        stale.filter(|blind| self.guards.has(blind.finding()))
+        stale.filter(|(finding, _)| self.guards.has(*finding))
     }
 
     /// Obstruction of the view in a frame that lacks a part while the plate may move.
-    pub(super) fn covered(&mut self) -> Option<UnusableFrame> {
+    pub(super) fn covered(&mut self) -> Option<Unusable> {
         let covered =
             if self.frames_missing() > 0 { self.scene.covered(&self.frame, self.tracker.tracks()) } else { None };
-        covered.filter(|blind| self.guards.has(blind.finding()))
+        covered.filter(|(finding, _)| self.guards.has(*finding))
     }
 
     /// Ends the run when most parts are farther away than the last pulse carries them: the picture is another one.

@@ -2,7 +2,7 @@
 //! it is where it was, and whether a foreign object is on it.
 
 use super::settling::{PlateInImage, Settling};
-use crate::guards::{Freshness, UnusableFrame};
+use crate::guards::{Freshness, Unusable};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
 use upm_core::rig::{PartKind, RigModel};
@@ -19,36 +19,21 @@ const HIDDEN: f64 = 0.02;
 /// The same while the plate moves and shows its ground at the sides.
 const COVERED: f64 = 0.06;
 
-impl UnusableFrame {
-    /// The finding to report.
-    pub(super) fn finding(self) -> Finding {
-        match self {
-            Self::Repeated => Finding::CameraFrozen,
-            Self::Stamp(_) => Finding::CameraStale,
-            Self::Dark => Finding::CameraDark,
-            Self::Hidden => Finding::ViewHidden,
-        }
+/// Time for which a run waits for usable frames, s.
+pub(super) fn longest_s(finding: Finding) -> f64 {
+    match finding {
+        Finding::CameraDark => DARK_S,
+        Finding::ViewHidden => HAND_S,
+        _ => STALE_S,
     }
+}
 
-    /// Time for which a run waits for it to end, s.
-    pub(super) fn longest_s(self) -> f64 {
-        match self {
-            Self::Repeated | Self::Stamp(_) => STALE_S,
-            Self::Dark => DARK_S,
-            Self::Hidden => HAND_S,
-        }
-    }
-
-    /// The reason for people.
-    pub(super) fn reason(self) -> String {
-        match self {
-            Self::Repeated => "the camera sends the same picture again".into(),
-            Self::Stamp(older_s) => {
-                format!("a frame's number or stamp does not fit: it is {:.0} ms old", older_s * 1e3)
-            }
-            Self::Dark => "the camera's frames show no plate".into(),
-            Self::Hidden => "part of the plate is hidden from the camera".into(),
-        }
+/// Obstruction of the view in a frame that shows no plate, or a plate of which part is hidden.
+fn obstruction(is_dark: bool, is_hidden: bool) -> Option<Unusable> {
+    match (is_dark, is_hidden) {
+        (true, _) => Some((Finding::CameraDark, "the camera's frames show no plate".into())),
+        (false, true) => Some((Finding::ViewHidden, "part of the plate is hidden from the camera".into())),
+        (false, false) => None,
     }
 }
 
@@ -79,7 +64,7 @@ impl SceneMonitor {
     }
 
     /// View and place of the plate in a frame taken at rest, in which `tracks` were followed.
-    pub(super) fn examine(&mut self, frame: &Frame, tracks: &[Track]) -> (Option<UnusableFrame>, PlateInImage) {
+    pub(super) fn examine(&mut self, frame: &Frame, tracks: &[Track]) -> (Option<Unusable>, PlateInImage) {
         let place = self.settling.place(frame.exposed_at, self.table.check(frame));
         if place == PlateInImage::SwungOut {
             self.table.set_rest(frame);
@@ -93,23 +78,18 @@ impl SceneMonitor {
         // a hand is visible; where nothing hides the plate and its sides are gone, the picture shows no plate
         let is_hidden = sight.hidden_share > HIDDEN;
         let is_dark = sight.dark || (place == PlateInImage::Unknown && !is_hidden);
-        let blind = if is_dark { Some(UnusableFrame::Dark) } else { is_hidden.then_some(UnusableFrame::Hidden) };
         self.foreign_m = sight.foreign_m.first().copied();
-        (blind, place)
+        (obstruction(is_dark, is_hidden), place)
     }
 
     /// Obstruction of the view in a frame in which the plate may move; `None` when the camera was knocked.
-    pub(super) fn covered(&mut self, frame: &Frame, tracks: &[Track]) -> Option<UnusableFrame> {
+    pub(super) fn covered(&mut self, frame: &Frame, tracks: &[Track]) -> Option<Unusable> {
         if self.table.check(frame) == TableMotion::Displaced {
             // the camera was knocked: foreign objects are detected once the plate is at rest
             return None;
         }
         let sight = self.plate.check(frame, tracks);
-        if sight.dark {
-            Some(UnusableFrame::Dark)
-        } else {
-            (sight.hidden_share > COVERED).then_some(UnusableFrame::Hidden)
-        }
+        obstruction(sight.dark, sight.hidden_share > COVERED)
     }
 
     /// Largest displacement of the plate's corners since the table was located, px; `None` where it is not visible.

@@ -19,7 +19,7 @@ pub struct Evidence {
     pub late_limit: f64,
     /// Steps of parts that were compared with their forecast.
     pub steps: u64,
-    /// Those of them that hardly went, or went the other way.
+    /// Those of them that hardly went.
     pub steps_missed: u64,
     /// Such steps in a row that make a finding.
     pub steps_limit: u32,

@@ -76,8 +76,6 @@ findings! {
         "check that the picture is not mirrored or turned, and that no hand moves the parts";
     /// A part hardly moves although pulses should carry it.
     PartStuck = "part_stuck", Pauses, "check that the part lies flat and free, and clean it";
-    /// A part moves against the direction in which pulses should carry it.
-    PartAstray = "part_astray", Pauses, "check the order of the coils and of the picture's axes; calibrate again";
     /// Pulses, or time without one, brought no part nearer to its target.
     NoProgress = "no_progress", Pauses, "check that the parts lie flat and free, and that the targets can be reached";
     /// The plate time limit was reached.

@@ -26,8 +26,8 @@ const DEVIATIONS_ONE_PERIOD: f64 = 14.0;
 /// weak one, noise included.
 const RESPONSE_ERROR: f64 = 0.02;
 
-/// Smallest gain error that is attributed to its coil or channel.
-const LEAST_GAIN_ERROR: f64 = 0.05;
+/// Gains of a coil or channel that are not attributed to it as its fault.
+const FAULTLESS_GAINS: std::ops::RangeInclusive<f64> = 0.95..=1.05;
 
 /// Plausible gains of an amplifier and its coil; a gain outside them is the error of something else, attributed to a
 /// coil with hardly any share in the motion.
@@ -129,7 +129,7 @@ pub fn judge(
 impl ExpectedMotion<'_> {
     /// The plate's velocity at full height, times from the start of the pulse.
     pub fn wave(&self) -> TwistWave {
-        let harmonics = self.velocity(self.harmonics()).iter().map(TwistHarmonic::from_phasor).collect();
+        let harmonics = self.velocity(self.drive, self.harmonics()).iter().map(TwistHarmonic::from_phasor).collect();
         TwistWave { base_radps: self.drive.base_radps, harmonics }
     }
 
@@ -139,7 +139,7 @@ impl ExpectedMotion<'_> {
     /// As [`super::fit_wave`], and [`FitFault::Unreadable`] for a motion that takes over from none.
     pub fn fit_take_over(&self, trace: &AccelTrace, sensors: &AccelerometerPair) -> Result<WaveFit, FitFault> {
         let take_over = self.take_over.ok_or(FitFault::Unreadable("no motion takes over"))?;
-        take_over.fit(trace, self.drive, |drive| self.velocity_of(drive, self.harmonics()), sensors)
+        take_over.fit(trace, self.drive, |drive| self.velocity(drive, self.harmonics()), sensors)
     }
 
     fn harmonics(&self) -> usize {
@@ -160,7 +160,7 @@ impl ExpectedMotion<'_> {
     /// The accelerometers' readings of [`Self::velocity`].
     fn readings(&self, harmonics: usize, sensors: &AccelerometerPair) -> Readings {
         if let Some(take_over) = self.take_over {
-            let velocity = |drive: &Drive| self.velocity_of(drive, harmonics);
+            let velocity = |drive: &Drive| self.velocity(drive, harmonics);
             let coefficients = take_over.coefficients(self.drive, velocity, sensors.position_m);
             // cos and sin of a channel are the parts of its phasor `cos - j sin`
             return Readings::from_fn(COEFFICIENTS * harmonics, |i, _| {
@@ -168,17 +168,13 @@ impl ExpectedMotion<'_> {
                 coefficients[(2 * harmonic + i % 2, channel)] * [1.0, -1.0][i % 2]
             });
         }
-        let phasors = accelerometer_phasors(&self.velocity(harmonics), self.drive.base_radps, sensors.position_m);
+        let phasors =
+            accelerometer_phasors(&self.velocity(self.drive, harmonics), self.drive.base_radps, sensors.position_m);
         Readings::from_iterator(COEFFICIENTS * harmonics, phasors.iter().flatten().flat_map(|a| [a.re, a.im]))
     }
 
-    /// The plate's velocity in `harmonics` harmonics; those absent from drive or response are zero.
-    fn velocity(&self, harmonics: usize) -> Velocity {
-        self.velocity_of(self.drive, harmonics)
-    }
-
-    /// The same under another drive.
-    fn velocity_of(&self, drive: &Drive, harmonics: usize) -> Velocity {
+    /// The plate's velocity under `drive` in `harmonics` harmonics; those absent from drive or response are zero.
+    fn velocity(&self, drive: &Drive, harmonics: usize) -> Velocity {
         let mut velocity = vec![Vector3::zeros(); harmonics];
         for (answers, wave) in self.coils.iter().zip(&drive.motors) {
             for ((sum, answer), counts) in velocity.iter_mut().zip(answers).zip(wave) {
@@ -262,13 +258,13 @@ impl<'a> PulseJudge<'a> {
             let others = self.driven(|motors| motors[coil].clear());
             let own = &self.planned - &others;
             if let Some((score, [gain])) = self.fitted(&others, [&own])
-                && is_fault(gain)
+                && !FAULTLESS_GAINS.contains(&gain)
                 && COIL_GAINS.contains(&gain)
             {
                 all.push((0, score, MotionVerdict::Coil(coil, gain)));
             }
             if let Some((score, [gain, shared])) = self.fitted(&(&own * 0.0), [&own, &others])
-                && is_fault(gain / shared)
+                && !FAULTLESS_GAINS.contains(&(gain / shared))
                 && COIL_GAINS.contains(&gain)
                 && BEARABLE_GAINS.contains(&shared)
             {
@@ -282,7 +278,7 @@ impl<'a> PulseJudge<'a> {
         for channel in 0..CHANNELS {
             let own = self.planned.map_with_location(|i, _, a| if channel_of(i) == channel { a } else { 0.0 });
             if let Some((score, [gain])) = self.fitted(&(&self.planned - &own), [&own])
-                && is_fault(gain)
+                && !FAULTLESS_GAINS.contains(&gain)
             {
                 all.push((0, score, MotionVerdict::Channel(channel, Some(gain))));
             }
@@ -361,11 +357,6 @@ fn noisy(residual_mps2: &[f64; CHANNELS]) -> (Option<usize>, f64) {
     }
     let mean = |of: &[(f64, usize)]| of.iter().map(|(square, _)| square).sum::<f64>() / of.len() as f64;
     (Some(channel), mean(&squares[1..]) / mean(&squares))
-}
-
-/// True for a gain far enough from 1 to be reported as a fault.
-fn is_fault(gain: f64) -> bool {
-    (gain - 1.0).abs() >= LEAST_GAIN_ERROR
 }
 
 /// Square of the tolerance of each coefficient for the response's error in a motion with these readings, (m/s²)².

@@ -191,6 +191,8 @@ fn each_fault_of_camera_and_parts_ends_the_run_by_its_code() {
     for (fault, code) in [
         ("camera:freeze@0.5", "camera_frozen"),
         ("view:ghost=30;-60@0.5", "foreign_part"),
+        // taken for the part that goes once both were seen
+        ("view:ghost=60;55@0.021,part0:removed@0.034", "foreign_part"),
         ("part0:glued@0", "part_stuck"),
     ] {
         assert_eq!(noticed(fault), (Some(code.to_owned()), false, Some(Truth::True)), "{fault}");

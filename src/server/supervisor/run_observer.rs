@@ -1,9 +1,7 @@
 use super::preview::OverlayMark;
 use crate::states::PlateFinding;
 use crate::supervisor::{Plate, PlateHandle};
-use upm_control::{
-    CycleFacts, EventFacts, EventKind, EventLevel, FindingChange, FrameFacts, LocalisedFacts, Reason, Sink,
-};
+use upm_control::{CycleFacts, EventFacts, EventKind, EventLevel, FrameFacts, LocalisedFacts, Reason, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::time::{Clock, PlateTime};
 use upm_core::units::{mm_from_m, places_mm};
@@ -75,9 +73,9 @@ impl Sink for RunObserver<'_> {
         if event.level == EventLevel::Error || matches!(event.kind, EventKind::RunEnded { .. }) {
             self.shared.job.heartbeat.end();
         }
-        if let EventKind::Finding { found, change, reason } = &event.kind {
+        if let EventKind::Finding { found, ended_after, reason } = &event.kind {
             self.observation.findings.retain(|held| held.code != found.finding.code());
-            if *change == FindingChange::Began {
+            if ended_after.is_none() {
                 let (code, remedy) = (found.finding.code().to_owned(), found.finding.check().to_owned());
                 let Reason { text: reason, runner_up } = reason.clone();
                 self.observation.findings.push(PlateFinding { code, reason, remedy, runner_up });

@@ -4,7 +4,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::args::Common;
-use upm_control::{CycleFacts, EventFacts, EventKind, EventLevel, FindingChange, Found, LocalisedFacts, Sink};
+use upm_control::{CycleFacts, EventFacts, EventKind, EventLevel, Found, LocalisedFacts, Sink};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::run::PacingStats;
 
@@ -57,9 +57,9 @@ impl Sink for RunProgress<'_> {
     /// Reports a condition as a warning when it begins for the first time; its end and repetitions are information.
     fn event(&mut self, event: &EventFacts) {
         let EventFacts { at, text, .. } = event;
-        let is_known = |found, change| change != FindingChange::Began || self.warned.contains(found);
+        let is_known = |found, ended_after: &Option<u64>| ended_after.is_some() || self.warned.contains(found);
         let level = match &event.kind {
-            EventKind::Finding { found, change, .. } if is_known(found, *change) => EventLevel::Info,
+            EventKind::Finding { found, ended_after, .. } if is_known(found, ended_after) => EventLevel::Info,
             EventKind::Finding { found, .. } => {
                 self.warned.push(*found);
                 EventLevel::Warning
@@ -159,16 +159,15 @@ mod tests {
         tracing::subscriber::with_default(log.with_writer(move || writer.clone()).finish(), || {
             let pacing = PacingStats::default();
             let mut progress = RunProgress::new(Common { json: false, verbose: 0, quiet: true }, &pacing);
-            let ended = FindingChange::Ended { times: 2, lasted_s: 0.5 };
-            for (part, change, text) in [
-                (0, FindingChange::Began, "part 0 is slow"),
-                (0, ended, "no longer"),
-                (1, FindingChange::Began, "part 1 is slow"),
-                (0, FindingChange::Began, "part 0 is slow again"),
+            for (part, ended_after, text) in [
+                (0, None, "part 0 is slow"),
+                (0, Some(2), "no longer"),
+                (1, None, "part 1 is slow"),
+                (0, None, "part 0 is slow again"),
             ] {
                 let (at, found) = (PlateTime::from_secs(1.0), Found { finding: Finding::PartSlow, about: Some(part) });
                 let (level, reason) = (EventLevel::Warning, text.to_owned().into());
-                let kind = EventKind::Finding { found, change, reason };
+                let kind = EventKind::Finding { found, ended_after, reason };
                 progress.event(&EventFacts { at, level, text: text.to_owned(), kind });
             }
         });

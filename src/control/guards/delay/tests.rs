@@ -13,7 +13,7 @@ fn swing(speed_mps: f64, base_hz: f64, attack_s: f64, sustain_s: f64) -> PlateSw
         sin: Twist::new(0.0, speed_mps, 0.0) * share,
     };
     PlateSwing {
-        fade: SwingFade::Velocity,
+        fades: None,
         wave: TwistWave { base_radps: std::f64::consts::TAU * base_hz, harmonics: vec![harmonic(1.0), harmonic(0.6)] },
         envelope: Envelope { attack_s, sustain_s, rest_s: 0.04 },
         half_side_m: 0.15,

@@ -78,7 +78,7 @@ impl TestPlate {
         let harmonics = drive.motors.iter().map(Vec::len).max().unwrap_or(0);
         let answers = coils(harmonics);
         let velocity = ExpectedMotion { drive: &played, coils: &answers, load_mps2: 0.0, limit: 1.0, take_over: None }
-            .velocity(harmonics);
+            .velocity(&played, harmonics);
         let shown = |i: usize| -> [f64; CHANNELS] {
             let angle = BASE_RADPS * i as f64 / SAMPLE_HZ;
             let sum = |order: i32| -> Vector3<f64> {

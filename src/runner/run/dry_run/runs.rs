@@ -9,7 +9,7 @@ use std::thread;
 use crate::config::{Diagnostic, JobSpec};
 use crate::run::in_memory::InMemoryRun;
 use crate::run::planner_selection::PlannerSelection;
-use upm_control::{EventFacts, EventKind, FindingChange, FrameFacts, Sink};
+use upm_control::{EventFacts, EventKind, FrameFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
 use upm_core::time::PlateTime;
@@ -89,7 +89,7 @@ impl Sink for DryRunRecord {
     }
 
     fn event(&mut self, event: &EventFacts) {
-        let EventKind::Finding { found, change: FindingChange::Ended { times, .. }, reason } = &event.kind else {
+        let EventKind::Finding { found, ended_after: Some(times), reason } = &event.kind else {
             return;
         };
         let is_limit = matches!(
