@@ -48,6 +48,7 @@ pub use daemon::{DaemonSpec, PlateSpec, StandingSpec};
 pub use daemon_file::{KeepSpec, WatchdogSpec};
 pub(crate) use faults::fault_entry;
 pub use job::JobSpec;
+pub(crate) use job::moving_obstacle;
 pub use job_file::{Assignment, DeadlinePolicy, JobFile, LibraryRef, PlannerChoice};
 pub use kinds::{KindSpec, PartGroup};
 pub use layout::JobLayout;

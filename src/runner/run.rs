@@ -23,7 +23,6 @@ mod machine;
 #[cfg(test)]
 mod moving_stop_tests;
 mod paced;
-mod planner_forecast;
 mod planner_selection;
 #[cfg(test)]
 mod recording_tests;

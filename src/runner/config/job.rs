@@ -1,3 +1,5 @@
+use std::f64::consts::TAU;
+
 use serde_json::Value;
 
 use super::clearance;
@@ -11,7 +13,7 @@ use super::rig_file::RigSource;
 use super::task::{self, TaskSpec};
 use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
 use upm_core::job::{Bin, CameraMode, Finding};
-use upm_core::rig::PartKind;
+use upm_core::rig::{Interlock, PartKind};
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_sim::faults::FaultSpec;
 
@@ -275,16 +277,36 @@ fn check_planner(document: &JobFile, rig: &RigSpec, root: &Path, faults: &mut Di
     let found = format!("\"{name}\" on a rig without `fields`");
     let allowed = "auto, cor_sequence, pseudo_inverse, or a rig that has `fields`";
     faults.require(rig.model.fields.is_some(), root.key("planner"), found, allowed);
-    let goes_to_places = matches!(document.task, TaskSection::Arrange { .. } | TaskSection::Sort { .. });
-    let found = "\"moving_field\" for a task whose parts do not go to places";
-    let allowed = "auto, synthesized_field, or a task of type arrange or sort";
-    let is_moving = document.planner == PlannerChoice::MovingField;
-    faults.require(!is_moving || goes_to_places, root.key("planner"), found, allowed);
-    // a segment is two periods of the fields' base frequency, and is followed by two frames at least
-    let least_hz = rig.model.fields.map_or(0.0, |fields| fields.base_radps / std::f64::consts::TAU);
-    let allowed = format!("auto, synthesized_field, or a camera of {least_hz:.0} frames a second or more");
-    let found = format!("\"moving_field\" with {} frames a second", rig.model.frame_hz);
-    faults.require(!is_moving || rig.model.frame_hz >= least_hz, root.key("planner"), found, allowed);
+    if document.planner == PlannerChoice::MovingField {
+        let goes_to_places = matches!(document.task, TaskSection::Arrange { .. } | TaskSection::Sort { .. });
+        if let Some((found, allowed)) = moving_obstacle(rig, goes_to_places) {
+            let (found, allowed) =
+                (format!("\"moving_field\" {found}"), format!("auto, synthesized_field, or {allowed}"));
+            faults.push(root.key("planner"), found, allowed);
+        }
+    }
+}
+
+/// The reason for which motions without pauses are not possible, and what would do; `None` where they are.
+pub(crate) fn moving_obstacle(rig: &RigSpec, goes_to_places: bool) -> Option<(String, String)> {
+    let Some(fields) = rig.model.fields else {
+        return Some(("on a rig without `fields`".into(), "a rig that has them".into()));
+    };
+    let (base_hz, frame_hz) = (fields.base_radps / TAU, rig.model.frame_hz);
+    let stiffest_hz = rig.document.plate.resonance_hz.into_iter().fold(0.0, f64::max);
+    // a segment is two periods of the fields: it is driven from half their frequency on, shown by two frames at least,
+    // and over before the lease is
+    let (slowest_hz, least_hz) = (0.5 * base_hz, (2.0 * stiffest_hz).max(2.0 / Interlock::LEASE_S));
+    Some(if !goes_to_places {
+        ("for a task whose parts do not go to places".into(), "a task of type arrange or sort".into())
+    } else if frame_hz < base_hz {
+        (format!("with {frame_hz} frames a second"), format!("a camera of {base_hz:.0} or more"))
+    } else if base_hz < least_hz {
+        let why = format!("its segments are driven from {slowest_hz:.1} Hz on and last {:.3} s", 2.0 / base_hz);
+        (format!("on a rig with fields of {base_hz:.1} Hz ({why})"), format!("fields.base_hz of {least_hz:.1} or more"))
+    } else {
+        return None;
+    })
 }
 
 /// The groups with their kinds looked up. A kind that is unknown or larger than the plate is reported and gets an

@@ -58,16 +58,15 @@ pub struct PartForecast {
     pub target: Option<PlaceReach>,
 }
 
-/// Makes dry runs of `job` with `library` and the planner of `selection` on all cores; `watch` receives the plate time
+/// Makes dry runs of `job` with `library` on all cores; `watch` receives the plate time
 /// in one of them and the share of all that is done, 0 to 1. `Err` if the parts find no places.
 pub fn dry_run(
     job: &JobSpec,
     library: &Arc<Library>,
-    selection: PlannerSelection,
     watch: &mut dyn FnMut(PlateTime, f64),
 ) -> Result<Forecast, Diagnostic> {
     // nothing is played on the rig of this setup
-    let RunSetup { params, placed, .. } = RunSetup::planned_by(job, library, selection.clone())?;
+    let RunSetup { params, placed, .. } = RunSetup::new(job, library)?;
     let job = job.clone().with_camera(CameraMode::Positions);
     let seeds = (0..DRY_RUNS).map(|number| job.seed().wrapping_add(number));
     let mut jobs: Vec<JobSpec> = seeds.map(|seed| job.clone().at_the_same_places(seed)).collect();
@@ -77,7 +76,7 @@ pub fn dry_run(
     // the dry runs begin at the same time: what their planners share is computed before, once
     let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
     let _rotations = (!by_fields).then(|| RotationPlanner::new(Arc::clone(library), params.planner));
-    let mut dry_runs = at_the_same_time(&jobs, library, &selection, watch)?;
+    let mut dry_runs = at_the_same_time(&jobs, library, watch)?;
     let speed_mps = fast.and_then(|(_, asked_mps, longest_m)| {
         let run = dry_runs.pop()?;
         let [begun, ended] = run.record.advanced;
@@ -93,7 +92,7 @@ pub fn dry_run(
         target: target_m(i).map(|[x, y]| PlaceReach::of(library, Vec2::new(m_from_mm(x), m_from_mm(y)))),
     });
     Ok(Forecast {
-        planner: selection,
+        planner: PlannerSelection::of(&job),
         parts: parts.collect(),
         independence: match &fields {
             Some(fields) => Independence::of_fields(fields, &starts_m),

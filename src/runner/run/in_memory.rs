@@ -4,7 +4,6 @@ use std::sync::atomic::AtomicBool;
 use super::end_facts::{ending, verdict};
 use super::error::RunError;
 use super::library::job_library;
-use super::planner_selection::PlannerSelection;
 use super::setup::{RunSetup, TruthInJobOrder};
 use crate::config::{Diagnostic, JobSpec};
 use upm_control::{self as control, ControlParams, FinalState, RunIo, Sink};
@@ -32,18 +31,12 @@ impl<'a> InMemoryRun<'a> {
     /// # Errors
     /// No library of its rig, or no places for the parts.
     pub fn new(job: &'a JobSpec) -> Result<Self, RunError> {
-        let library = job_library(job)?;
-        let planner = PlannerSelection::with_forecast(job, &library);
-        Ok(Self::planned_by(job, library, planner)?)
+        Ok(Self::with_library(job, job_library(job)?)?)
     }
 
-    /// A run of `job` by `planner`. `Err` if the parts find no places.
-    pub(super) fn planned_by(
-        job: &'a JobSpec,
-        library: Arc<Library>,
-        planner: PlannerSelection,
-    ) -> Result<Self, Diagnostic> {
-        let setup = RunSetup::planned_by(job, &library, planner)?;
+    /// A run of `job` with `library`. `Err` if the parts find no places.
+    pub(super) fn with_library(job: &'a JobSpec, library: Arc<Library>) -> Result<Self, Diagnostic> {
+        let setup = RunSetup::new(job, &library)?;
         Ok(Self { job, library, setup, has_own_task: false })
     }
 

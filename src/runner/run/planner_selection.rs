@@ -1,4 +1,4 @@
-use crate::config::{JobSpec, PlannerChoice, TaskSpec};
+use crate::config::{JobSpec, PlannerChoice, TaskSpec, moving_obstacle};
 use upm_planning::planner::PlanningMethod;
 use upm_recording::{PlannerReport, SelectedBy};
 
@@ -18,6 +18,7 @@ impl PlannerSelection {
     /// Selects the planner of `job`. Every part counts as moved: each has a target, if only its own place.
     pub fn of(job: &JobSpec) -> Self {
         let parts: usize = job.parts.iter().map(|group| group.count).sum();
+        let obstacle = moving_obstacle(&job.rig, goes_to_places(job));
         let named = |method| (method, "named_by_job", "the job names it".to_owned());
         let (method, code, why) = match job.planner {
             PlannerChoice::CorSequence => named(PlanningMethod::CorSequence),
@@ -32,7 +33,13 @@ impl PlannerSelection {
             }
             PlannerChoice::Auto => {
                 let why = format!("the rig has fields and the job moves {parts} parts");
-                (PlanningMethod::SynthesizedField, "several_parts", why)
+                match obstacle {
+                    None => (PlanningMethod::MovingField, "several_parts", why),
+                    Some((found, _)) => {
+                        let why = format!("{why}; no motion without pauses {found}");
+                        (PlanningMethod::SynthesizedField, "several_parts", why)
+                    }
+                }
             }
         };
         Self::new(job, method, code, why)
@@ -40,11 +47,9 @@ impl PlannerSelection {
 
     /// The selection of `method` for `job`; the reason has the stable `code` and is `why` in words.
     pub(super) fn new(job: &JobSpec, method: PlanningMethod, code: &str, why: String) -> Self {
-        let has_fields = job.rig.model.fields.is_some();
-        let goes_to_places = matches!(job.task, TaskSpec::Arrange { .. } | TaskSpec::Sort { .. });
         let is_possible = |method: PlanningMethod| match method {
-            PlanningMethod::MovingField => has_fields && goes_to_places,
-            PlanningMethod::SynthesizedField => has_fields,
+            PlanningMethod::MovingField => moving_obstacle(&job.rig, goes_to_places(job)).is_none(),
+            PlanningMethod::SynthesizedField => job.rig.model.fields.is_some(),
             PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => true,
         };
         let possible = [
@@ -63,6 +68,10 @@ impl PlannerSelection {
         };
         Self { method, report }
     }
+}
+
+fn goes_to_places(job: &JobSpec) -> bool {
+    matches!(job.task, TaskSpec::Arrange { .. } | TaskSpec::Sort { .. })
 }
 
 #[cfg(test)]

@@ -55,12 +55,12 @@ pub struct RunSetup<R = SimRig> {
 }
 
 impl RunSetup {
-    /// Places the parts and builds rig, task and parameters for `planner`. `Err` if the parts find no places.
-    pub(super) fn planned_by(
-        job: &JobSpec,
-        library: &Arc<Library>,
-        planner: PlannerSelection,
-    ) -> Result<Self, Diagnostic> {
+    /// Selects the planner, places the parts and builds rig, task and parameters.
+    ///
+    /// # Errors
+    /// Parts that find no places.
+    pub fn new(job: &JobSpec, library: &Arc<Library>) -> Result<Self, Diagnostic> {
+        let planner = PlannerSelection::of(job);
         let (rig, placed) = simulated_rig(job)?;
         let (kinds, kind_of_part) = kinds_present(job, &placed);
         let given_m = job.parts.iter().flat_map(|group| std::iter::repeat_n(group.position_m, group.count));

@@ -189,13 +189,12 @@ fn check_job(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Commo
     let lines_of = |fault: Diagnostic| vec![fault.to_string()];
     let library = job_library(&job).map_err(lines)?;
     check_places(&job).map_err(lines_of)?;
-    let (rig, parts, planner) =
-        (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::with_forecast(&job, &library));
+    let (rig, parts, planner) = (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::of(&job));
     let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.report.name);
     let mut report = None;
     if is_planned {
         let mut progress = LateProgress::new(common);
-        let plan = PlanReport::of(&job, &library, planner, &mut progress).map_err(lines_of)?;
+        let plan = PlanReport::of(&job, &library, &mut progress).map_err(lines_of)?;
         let (chart, is_failure) = (plan_picture::plan_chart(&plan), plan.verdict().is_failure());
         report = Some(FileReport { key: "plan", lines: plan.lines(), json: plan.json(), chart, is_failure });
     }

@@ -8,7 +8,6 @@ use std::thread;
 
 use crate::config::{Diagnostic, JobSpec};
 use crate::run::in_memory::InMemoryRun;
-use crate::run::planner_selection::PlannerSelection;
 use upm_control::{EventFacts, EventKind, FrameFacts, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
@@ -102,11 +101,10 @@ impl Sink for DryRunRecord {
     }
 }
 
-/// Runs all `jobs` by `planner`, each on its own thread; the results are in their order.
+/// Runs all `jobs`, each on its own thread; the results are in their order.
 pub(super) fn at_the_same_time(
     jobs: &[JobSpec],
     library: &Arc<Library>,
-    planner: &PlannerSelection,
     watch: &mut dyn FnMut(PlateTime, f64),
 ) -> Result<Vec<DryRun>, Diagnostic> {
     let (sender, receiver) = sync_channel(WAITING);
@@ -114,7 +112,7 @@ pub(super) fn at_the_same_time(
         let run = |(number, job)| {
             let progress = Some((number, sender.clone()));
             scope.spawn(move || {
-                let run = InMemoryRun::planned_by(job, Arc::clone(library), planner.clone())?;
+                let run = InMemoryRun::with_library(job, Arc::clone(library))?;
                 let radii_m = (0..run.params().parts.len()).map(|part| run.params().radius_m(part)).collect();
                 let mut record = DryRunRecord { radii_m, progress, ..DryRunRecord::default() };
                 let report = run.run_watched(&mut record);

@@ -13,7 +13,7 @@ use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
 use upm_recording::{Report, rounded};
 use upm_runner::config::{Diagnostic, JobSpec};
-use upm_runner::run::{ClosestApproach, DryRun, Forecast, PartForecast, PlaceReach, PlannerSelection, dry_run};
+use upm_runner::run::{ClosestApproach, DryRun, Forecast, PartForecast, PlaceReach, dry_run};
 
 pub(super) struct PlanReport<'a> {
     pub job: &'a JobSpec,
@@ -22,13 +22,8 @@ pub(super) struct PlanReport<'a> {
 
 impl<'a> PlanReport<'a> {
     /// Makes dry runs of `job` with `library`; shows progress on stderr if it takes long.
-    pub fn of(
-        job: &'a JobSpec,
-        library: &Arc<Library>,
-        planner: PlannerSelection,
-        progress: &mut LateProgress,
-    ) -> Result<Self, Diagnostic> {
-        let forecast = dry_run(job, library, planner, &mut |at, done| {
+    pub fn of(job: &'a JobSpec, library: &Arc<Library>, progress: &mut LateProgress) -> Result<Self, Diagnostic> {
+        let forecast = dry_run(job, library, &mut |at, done| {
             progress.show(done, || format!("dry runs, plate {:6.1} s", at.secs()));
         });
         progress.finish();

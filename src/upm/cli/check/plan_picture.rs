@@ -88,15 +88,14 @@ mod tests {
     use crate::cli::progress::LateProgress;
     use std::path::Path;
     use upm_runner::config::JobSpec;
-    use upm_runner::run::{PlannerSelection, job_library};
+    use upm_runner::run::job_library;
 
     fn chart(job: &str) -> Chart {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(job);
         let job = JobSpec::load(&path).unwrap();
         let library = job_library(&job).unwrap();
-        let planner = PlannerSelection::with_forecast(&job, &library);
         let mut progress = LateProgress::new(Common { json: false, verbose: 0, quiet: true });
-        plan_chart(&PlanReport::of(&job, &library, planner, &mut progress).unwrap())
+        plan_chart(&PlanReport::of(&job, &library, &mut progress).unwrap())
     }
 
     fn named<'a>(chart: &'a Chart, label: &str) -> &'a Layer {
