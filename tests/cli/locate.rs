@@ -85,7 +85,7 @@ fn the_result_is_as_the_contract_has_it() {
     let found = located(&[&saved(&folder, "plate.png", papers_plate())]);
     assert_found(&found);
     assert_eq!(keys(&found), ["others", "parts", "plate", "table", "time_us"]);
-    assert_eq!(keys(&found["table"]), ["corners_px", "focal_px", "rotation_deg", "side_px"]);
+    assert_eq!(keys(&found["table"]), ["corners_px", "focal_px", "rotation_deg", "side_px", "tilt_deg"]);
     assert_eq!(keys(&found["time_us"]), ["decode", "parts", "table"]);
     assert_eq!(keys(&found["plate"]), ["doubt", "height_mm", "side_mm", "source"]);
     let expected = ["center_px", "diameter_mm", "doubts", "kind", "position_mm", "radius_px", "score"];

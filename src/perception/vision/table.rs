@@ -62,6 +62,42 @@ impl Table {
         if finite { Ok(table) } else { Err(TableFault::NotASquare) }
     }
 
+    /// The plane that a whole picture shows, in a table of `side_m` about its middle that the picture's corners are on.
+    /// `tilt` is the gradient of the inverse depth, relative to that at the middle, 1/px.
+    ///
+    /// # Errors
+    /// [`TableFault::NotASquare`] where the plane ends within the picture.
+    pub fn of_picture(size_px: [usize; 2], lens: &Lens, tilt: Vec2, side_m: f64) -> Result<Self, TableFault> {
+        // the plane through the point at depth 1 on the lens's axis
+        let normal = (tilt * lens.focal_px).push(1.0).normalize();
+        let right = (Vector3::x() - normal * normal.x).normalize();
+        let (down, middle) = (normal.cross(&right), Vector3::z());
+        let half = Vec2::from(size_px.map(|size| size as f64 / 2.0)) / lens.focal_px;
+        let signs = UNIT_CORNERS.map(|(x, y)| Vec2::new(x, -y));
+        let on_plane = |sign: Vec2| {
+            let ray = sign.component_mul(&half).push(1.0);
+            let at = ray * (normal.z / normal.dot(&ray)) - middle;
+            Vec2::new(at.dot(&right).abs(), at.dot(&down).abs())
+        };
+        let reach = signs.map(on_plane).iter().fold(Vec2::zeros(), |most, at| most.sup(at));
+        let corners = signs.map(|sign| {
+            let at = middle + right * (sign.x * reach.x) + down * (sign.y * reach.y);
+            lens.principal_px + at.xy() * (lens.focal_px / at.z)
+        });
+        Self::of_rectangle(corners, [side_m, side_m * reach.y / reach.x], lens, [UNEQUAL_SIDES, SKEW])
+    }
+
+    /// A gradient on the plate at its middle, 1/m, in the picture, 1/px.
+    pub fn picture_gradient(&self, per_m: Vec2) -> Vec2 {
+        self.table_from_ideal.jacobian_at(self.ideal_from_table.apply(Vec2::zeros())).transpose() * per_m
+    }
+
+    /// Angle between the lens's axis and the plate's normal.
+    pub fn tilt_rad(&self) -> f64 {
+        let axis = self.table_from_ideal.apply(self.lens.principal_px).push(0.0) - self.camera_in_table_m;
+        libm::atan2(axis.xy().norm(), -axis.z)
+    }
+
     /// Point of the plate's plane, m, at an image point, px.
     pub fn table_from_image(&self, image_px: Vec2) -> Vec2 {
         self.table_from_ideal.apply(self.lens.ideal_from_image(image_px))

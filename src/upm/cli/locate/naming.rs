@@ -56,7 +56,9 @@ pub(super) fn named(
         };
         let part = nearest(&|kind| setting.wanted[kind]).map(|(kind, off)| {
             let foot_m = 2.0 * disc.at_m - seen_outline_m(table, disc.at_m, &setting.known[kind]).0;
-            scored(disc, NamedPart { disc: disc.clone(), kind, foot_m, score: scale.trust(), doubts: Vec::new() }, off)
+            // without height and side wall
+            let part = DetectedDisc { radius_m: setting.known[kind].radius_m * (1.0 + off), ..disc.clone() };
+            scored(disc, NamedPart { disc: part, kind, foot_m, score: scale.trust(), doubts: Vec::new() }, off)
         });
         match part.filter(|part| part.score >= LEAST_SCORE) {
             Some(part) => parts.push(part),

@@ -25,6 +25,7 @@ pub(super) fn as_json(located: &LocatedPicture, setting: &LocateSetup) -> Value 
             "corners_px": table.corners_px.map(|corner| [corner.x, corner.y]),
             "side_px": table.side_px,
             "rotation_deg": table.rotation_rad.to_degrees(),
+            "tilt_deg": table.tilt_rad().to_degrees(),
             "focal_px": table.lens.focal_px,
         },
         "plate": {
@@ -79,7 +80,10 @@ pub(super) fn print_line(image: &Path, value: Value) -> Result<(), Failure> {
 
 pub(super) fn print_located(located: &LocatedPicture, setting: &LocateSetup) -> Result<(), Failure> {
     let LocatedPicture { table, scale, time_us, parts, others, .. } = located;
-    if !matches!(setting.plane, Plane::Whole) {
+    let tilt_deg = table.tilt_rad().to_degrees();
+    if matches!(setting.plane, Plane::Whole) {
+        outln!("camera: tilted by {tilt_deg:.1} deg")?;
+    } else {
         outln!("table: side {:.1} px, turned {:.2} deg", table.side_px, table.rotation_rad.to_degrees())?;
         for (name, corner) in ["top left", "top right", "bottom right", "bottom left"].iter().zip(table.corners_px) {
             outln!("  {name:12} ({:8.2}, {:8.2}) px", corner.x, corner.y)?;

@@ -10,6 +10,7 @@ use super::scale::{PictureScale, ScaleFit, ScaleSource, Sizes};
 use super::setup::{LocateSetup, Plane, Scale};
 use crate::cli::output::Failure;
 use upm_core::geometry::{Lens, Vec2};
+use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_core::units::INCH_M;
@@ -30,8 +31,8 @@ const GIVEN_SD_PX: f64 = 3.0;
 /// Cells along the short side of the averages in which a plate is searched, one after the other: the fewer, the less
 /// remains of rulings, which are lines like its sides.
 const CELLS: [usize; 3] = [50, 100, 200];
-/// A picture is not taken from straight above where more than one of so many discs has no known size.
-const MOST_UNKNOWN: usize = 6;
+/// Most times that the tilt of a picture is corrected.
+const LEANINGS: usize = 4;
 /// Tolerances of a rectangle, as of [`Table::of_rectangle`].
 const FOUND_OFF: [f64; 2] = [0.01, 0.02];
 const GIVEN_OFF: [f64; 2] = [0.2, 0.3];
@@ -68,23 +69,23 @@ pub(super) fn locate_picture(image: &Path, setting: &LocateSetup) -> Result<Loca
     let frame = picture.frame;
     let failed = |why: String| Failure::failed(format!("{}: {why}", image.display()));
     if let Some(rig) = setting.rig.as_ref().filter(|rig| rig.frame_size_px != [frame.width, frame.height]) {
-        let ([width, height], name) = (rig.frame_size_px, &rig.name);
-        let (found, image) = (format!("found {}x{} px", frame.width, frame.height), image.display());
-        let wanted = format!("expected {width}x{height} px from the camera of rig {name}");
-        return Err(Failure::bad_input(format!("{image}: {wanted}, {found}")));
+        let ([width, height], name, image) = (rig.frame_size_px, &rig.name, image.display());
+        let wanted = format!("{image}: expected {width}x{height} px from the camera of rig {name}");
+        return Err(Failure::bad_input(format!("{wanted}, found {}x{} px", frame.width, frame.height)));
     }
     let plane = seen_plane(&frame, setting, picture.focal_sides)
         .map_err(|fault| failed(about_table(&fault, &setting.plane)))?;
     let found = clock.elapsed();
     let discs = survey(&frame, &plane.0);
+    let leaning = match setting.plane {
+        Plane::Whole => leaning(&frame, setting, picture.focal_sides, &discs),
+        _ => Ok(None),
+    };
+    let doubt = leaning.as_ref().err().cloned();
+    let (plane, discs) = leaning.ok().flatten().map_or((plane, discs), |(table, discs)| ((table, 0.0), discs));
     let (table, discs, mut scale) = scaled(plane, discs, setting).map_err(failed)?;
-    let (mut parts, mut others) = named(&discs, &table, setting, &scale);
-    let unknown = others.iter().filter(|other| other.like.is_none()).count();
-    if matches!(setting.plane, Plane::Whole) && unknown * MOST_UNKNOWN > parts.len() + others.len() {
-        let doubt = format!("{unknown} discs have no known size: --corners gives the plane if the camera is tilted");
-        scale.doubt.get_or_insert(doubt);
-        (parts, others) = named(&discs, &table, setting, &scale);
-    }
+    scale.doubt = doubt.or(scale.doubt);
+    let (parts, others) = named(&discs, &table, setting, &scale);
     let [decode, table_time, parts_time] =
         [decoded, found - decoded, clock.elapsed() - found].map(|time| 1e6 * time.as_secs_f64());
     let time_us = TimeUs { decode, table: table_time, parts: parts_time };
@@ -114,12 +115,7 @@ fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) ->
     match (&setting.plane, &setting.rig) {
         (Plane::Whole, _) => {
             // from so far that parts show no height
-            let lens = Lens::centered(picture_px, 1e6);
-            let [width, height] = picture_px.map(|length| length as f64);
-            let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
-            let corners = corners.map(|corner| Vec2::from(corner) - Vec2::repeat(0.5));
-            let size_m = [size_m[0], size_m[0] * height / width];
-            Ok((Table::of_rectangle(corners, size_m, &lens, GIVEN_OFF)?, 0.0))
+            Ok((Table::of_picture(picture_px, &Lens::centered(picture_px, 1e6), Vec2::zeros(), size_m[0])?, 0.0))
         }
         (Plane::Found, Some(rig)) => Ok((locate_table(frame, &rig.lens, size_m[0])?, 0.0)),
         (Plane::Found, None) => {
@@ -135,6 +131,41 @@ fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) ->
         }
         (Plane::Corners(corners), _) => through(in_turn(*corners), GIVEN_OFF, GIVEN_SD_PX),
     }
+}
+
+/// Plane and discs of a whole picture that was not taken from straight above, as the sizes of the discs say; `straight`
+/// are those found as if it were. `None` where no tilt is needed; a doubt where several would explain them.
+fn leaning(
+    frame: &Frame,
+    setting: &LocateSetup,
+    focal_sides: Option<f64>,
+    straight: &[DetectedDisc],
+) -> Result<Option<(Table, Vec<DetectedDisc>)>, String> {
+    let part = if let Scale::Part(kind, at_px) = setting.scale { Some((kind, at_px)) } else { None };
+    let chosen = |kind: &usize| setting.wanted[*kind] || part.is_some_and(|part| part.0 == *kind);
+    let kinds: Vec<usize> = (0..setting.known.len()).filter(chosen).collect();
+    let named = part.and_then(|(kind, at_px)| Some((kinds.iter().position(|chosen| *chosen == kind)?, at_px?)));
+    let kinds: Vec<PartKind> = kinds.into_iter().map(|kind| setting.known[kind].clone()).collect();
+    let size_px = [frame.width, frame.height];
+    let lens = Lens::centered(size_px, focal_sides.unwrap_or(FOCAL_SIDES));
+    let focal_sd = if focal_sides.is_some() { FILE_SD } else { GUESS_SD };
+    let (mut tilt, mut found) = (Vec2::zeros(), None);
+    for _ in 0..LEANINGS {
+        let table = Table::of_picture(size_px, &lens, tilt, PAPERS_SIDE_M).map_err(|fault| fault.to_string())?;
+        let discs = if tilt == Vec2::zeros() { straight.to_vec() } else { survey(frame, &table) };
+        let tilts = Sizes { table: &table, discs: &discs, kinds: &kinds, focal_sd }.tilts(named);
+        let [fit] = &tilts[..] else {
+            return Err(format!("{} tilts of the camera explain the sizes alike", tilts.len()));
+        };
+        if tilt != Vec2::zeros() {
+            found = Some((table.clone(), discs));
+        }
+        if fit.tilt == Vec2::zeros() {
+            break;
+        }
+        tilt += table.picture_gradient(fit.tilt);
+    }
+    Ok(found)
 }
 
 /// Corners in the order in which they go round clockwise as the picture is seen.
@@ -168,7 +199,7 @@ fn scaled(
     let (fit, scale) = match &setting.scale {
         Scale::Size(_) if setting.rig.is_some() => (same, sure(ScaleSource::Rig)),
         Scale::Size(_) => {
-            (sizes.fitted(1.0, &discs.iter().collect::<Vec<_>>(), [false, true]), sure(ScaleSource::Given))
+            (sizes.fitted(same, &discs.iter().collect::<Vec<_>>(), [false, true, false]), sure(ScaleSource::Given))
         }
         Scale::PxPerM(px_per_m) => {
             (ScaleFit::of(table.px_per_m_at(Vec2::zeros()) / px_per_m), sure(ScaleSource::Given))
