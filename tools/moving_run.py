@@ -169,7 +169,7 @@ def main():
 
     bars = Bars()
     for seed in args.seeds:
-        run = run_of(args.upm, "arrange-8-moving", seed, discs(seed), 1)
+        run = run_of(args.upm, "arrange-8", seed, discs(seed), 1)
         apart_mm = 1e3 * np.abs(integrate(run, 1e-6 * args.step_us) - run.ends_m).max()
         way_mm, report = 1e3 * np.abs(run.ends_m - run.starts_m).mean(), run.report
         told = f"{report['outcome']} in {run.ends_s:.2f} s, {report['collisions']} touches, mean way {way_mm:.0f} mm"

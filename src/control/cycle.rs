@@ -179,14 +179,7 @@ impl ControlCycle<'_, '_> {
                 return self.observe_at_rest();
             }
         }
-        for &part in &wanted.blocked {
-            let reason = format!("{} is blocked: no free path to its target", self.params.id(part));
-            self.warn(Found::about(Finding::PartBlocked, part), reason);
-        }
-        if let Some(LateLap { lap, took_s, asked_s }) = wanted.late_lap {
-            let reason = format!("lap {lap} took {took_s:.1} s of plate time, {asked_s:.1} s are asked");
-            self.warn(Finding::LapLate, reason);
-        }
+        self.warn_of_hindrances(&wanted);
         self.check_limits()?;
         if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has(Finding::NoProgress) {
             let id = |part| self.params.id(part);
@@ -249,6 +242,18 @@ impl ControlCycle<'_, '_> {
         });
         self.index += 1;
         Continue(result)
+    }
+
+    /// Reports parts without a free path and laps that took longer than asked.
+    fn warn_of_hindrances(&mut self, wanted: &Setpoints) {
+        for &part in &wanted.blocked {
+            let reason = format!("{} is blocked: no free path to its target", self.params.id(part));
+            self.warn(Found::about(Finding::PartBlocked, part), reason);
+        }
+        if let Some(LateLap { lap, took_s, asked_s }) = wanted.late_lap {
+            let reason = format!("lap {lap} took {took_s:.1} s of plate time, {asked_s:.1} s are asked");
+            self.warn(Finding::LapLate, reason);
+        }
     }
 
     /// Plans the wanted steps, or the feasible share of them.

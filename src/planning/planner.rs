@@ -19,7 +19,7 @@ mod fixture;
 mod tests;
 
 pub use corridor::Corridor;
-pub use fields::{FieldPlanner, MovingPlanner, Segment};
+pub use fields::{FieldPlanner, Heading, MovingPlanner, Segment};
 pub use flow_effort::FlowEffort;
 pub use independence::Independence;
 pub use pseudo_inverse::PseudoInverse;

@@ -94,6 +94,12 @@ impl PathStretch {
         let (along_m, off_m) = self.line.nearest(p_m, 0.0, self.line.length_m());
         (self.from_m + along_m, off_m)
     }
+
+    /// The reference's place `after_s` later, m, and its mean velocity over `period_s` about that time, m/s.
+    pub fn reference_in(&self, after_s: f64, period_s: f64) -> (Vec2, Vec2) {
+        let at = |after_s: f64| self.line.at((self.reference_m - self.from_m + self.speed_mps * after_s).max(0.0));
+        (at(after_s), (at(after_s + 0.5 * period_s) - at(after_s - 0.5 * period_s)) / period_s)
+    }
 }
 
 /// A lap that took longer than asked.

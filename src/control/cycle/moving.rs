@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering;
 
 use super::ControlCycle;
 use super::play::drive_of;
+use crate::found::Found;
 use crate::guards::{PlateSwing, went};
 use crate::perception::FramePurpose;
 use crate::pulse_planner::PulsePlanner;
@@ -14,9 +15,10 @@ use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
 use upm_core::signal::{Drive, TwistWave};
 use upm_core::time::PlateTime;
+use upm_core::units::mm_from_m;
 use upm_perception::estimation::{ExpectedMotion, FitFault, MotionJudgement, PlateFit, TakeOver, judge};
 use upm_planning::cor_library::CoilResponse;
-use upm_planning::planner::{MovingPlanner, Plan, PlanStatus, PlannedPulse, Segment};
+use upm_planning::planner::{Heading, MovingPlanner, Plan, PlanStatus, PlannedPulse, Segment};
 use upm_planning::task::Setpoints;
 
 /// Segments that count as one cycle for the watch of a run's progress: as long as a pulse from rest with its rest.
@@ -183,6 +185,10 @@ impl ControlCycle<'_, '_> {
             wanted.targets_m.clone_from(&wanted.subgoals_m);
         }
         let is_counted = segments.is_multiple_of(SEGMENTS_A_CYCLE);
+        if is_counted {
+            self.warn_of_hindrances(&wanted);
+            self.warn_of_corridors(&wanted);
+        }
         if is_counted
             && self.planning.watch.observe(&wanted, &places_m, true)
             && self.params.guards.has(Finding::NoProgress)
@@ -193,11 +199,21 @@ impl ControlCycle<'_, '_> {
         self.plan_segment(wanted).map_continue(Some)
     }
 
+    fn warn_of_corridors(&mut self, wanted: &Setpoints) {
+        for (part, (stretch, off_m)) in wanted.paths.iter().zip(&wanted.cross_track_m).enumerate() {
+            let by_m = stretch.as_ref().map_or(0.0, |stretch| off_m - stretch.corridor_m);
+            if by_m > 0.0 {
+                let reason = format!("{} leaves its corridor by {:.2} mm", self.params.id(part), mm_from_m(by_m));
+                self.warn(Found::about(Finding::CorridorLeft, part), reason);
+            }
+        }
+    }
+
     fn plan_segment(&mut self, wanted: Setpoints) -> OrEnd<PlannedSegment> {
         self.check_stop()?;
         let planning = self.io.clock.elapsed();
         let Some(planner) = self.moving() else { return Break(RunEnd::failed("no planner of moving parts")) };
-        let segment = planner.plan(&wanted.subgoals_m, &wanted.targets_m);
+        let segment = planner.plan(&headings(planner, &wanted));
         let plan_us = (self.io.clock.elapsed() - planning).as_secs_f64() * 1e6;
         let drive = match drive_of(self.library, &PlannedPulse::Field(segment.pulse.clone())) {
             Ok(drive) => drive,
@@ -268,4 +284,19 @@ impl ControlCycle<'_, '_> {
         };
         self.swing_of(next.segment.pulse.wave.clone(), next.drive.envelope, Some(fades))
     }
+}
+
+/// Where each part is heading: to the place that its reference on its path will have, or to its target.
+fn headings(planner: &MovingPlanner, wanted: &Setpoints) -> Vec<Heading> {
+    let places = wanted.subgoals_m.iter().zip(&wanted.targets_m).enumerate();
+    let heading = |(part, (&subgoal_m, &target_m)): (usize, (&Vec2, &Vec2))| match wanted.paths.get(part) {
+        Some(Some(stretch)) => {
+            let (place_m, velocity_mps) = stretch.reference_in(planner.ahead_s(), planner.period_s());
+            // at the end of its path, rounding aside, it comes to rest
+            let along_mps = Some(velocity_mps).filter(|velocity_mps| velocity_mps.norm() > 1e-3 * stretch.speed_mps);
+            Heading { target_m: place_m, subgoal_m: place_m, along_mps }
+        }
+        _ => Heading { target_m, subgoal_m, along_mps: None },
+    };
+    places.map(heading).collect()
 }

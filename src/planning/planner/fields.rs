@@ -14,5 +14,5 @@ mod separation;
 #[cfg(test)]
 mod tests;
 
-pub use moving::{MovingPlanner, Segment};
+pub use moving::{Heading, MovingPlanner, Segment};
 pub use planner::FieldPlanner;

@@ -278,8 +278,8 @@ fn check_planner(document: &JobFile, rig: &RigSpec, root: &Path, faults: &mut Di
     let allowed = "auto, cor_sequence, pseudo_inverse, or a rig that has `fields`";
     faults.require(rig.model.fields.is_some(), root.key("planner"), found, allowed);
     if document.planner == PlannerChoice::MovingField {
-        let goes_to_places = matches!(document.task, TaskSection::Arrange { .. } | TaskSection::Sort { .. });
-        if let Some((found, allowed)) = moving_obstacle(rig, goes_to_places) {
+        let moves_parts = !matches!(document.task, TaskSection::PlusSign { .. } | TaskSection::Hold { .. });
+        if let Some((found, allowed)) = moving_obstacle(rig, moves_parts) {
             let (found, allowed) =
                 (format!("\"moving_field\" {found}"), format!("auto, synthesized_field, or {allowed}"));
             faults.push(root.key("planner"), found, allowed);
@@ -288,7 +288,7 @@ fn check_planner(document: &JobFile, rig: &RigSpec, root: &Path, faults: &mut Di
 }
 
 /// The reason for which motions without pauses are not possible, and what would do; `None` where they are.
-pub(crate) fn moving_obstacle(rig: &RigSpec, goes_to_places: bool) -> Option<(String, String)> {
+pub(crate) fn moving_obstacle(rig: &RigSpec, moves_parts: bool) -> Option<(String, String)> {
     let Some(fields) = rig.model.fields else {
         return Some(("on a rig without `fields`".into(), "a rig that has them".into()));
     };
@@ -297,8 +297,8 @@ pub(crate) fn moving_obstacle(rig: &RigSpec, goes_to_places: bool) -> Option<(St
     // a segment is two periods of the fields: it is driven from half their frequency on, shown by two frames at least,
     // and over before the lease is
     let (slowest_hz, least_hz) = (0.5 * base_hz, (2.0 * stiffest_hz).max(2.0 / Interlock::LEASE_S));
-    Some(if !goes_to_places {
-        ("for a task whose parts do not go to places".into(), "a task of type arrange or sort".into())
+    Some(if !moves_parts {
+        ("for a plus sign or a hold".into(), "a task of type arrange, sort or trajectories".into())
     } else if frame_hz < base_hz {
         (format!("with {frame_hz} frames a second"), format!("a camera of {base_hz:.0} or more"))
     } else if base_hz < least_hz {

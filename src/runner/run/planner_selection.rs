@@ -47,8 +47,9 @@ impl PlannerSelection {
 
     /// The selection of `method` for `job`; the reason has the stable `code` and is `why` in words.
     pub(super) fn new(job: &JobSpec, method: PlanningMethod, code: &str, why: String) -> Self {
+        let moves_parts = !matches!(job.task, TaskSpec::PlusSign { .. } | TaskSpec::Hold { .. });
         let is_possible = |method: PlanningMethod| match method {
-            PlanningMethod::MovingField => moving_obstacle(&job.rig, goes_to_places(job)).is_none(),
+            PlanningMethod::MovingField => moving_obstacle(&job.rig, moves_parts).is_none(),
             PlanningMethod::SynthesizedField => job.rig.model.fields.is_some(),
             PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => true,
         };
@@ -107,6 +108,36 @@ mod tests {
                 let selection = selection(rig, pennies, planner);
                 assert_eq!((selection.method, selection.report.code.as_str()), (method, reason), "{pennies} on {rig}");
             }
+        }
+    }
+
+    #[test]
+    fn auto_does_without_pauses_where_camera_and_drive_are_fast_enough() {
+        let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        let rig = std::fs::read_to_string(folder.join("configs/rigs/upm-2.json")).unwrap();
+        let read = |planner: &str, change: &dyn Fn(&mut Value)| {
+            let mut rig: Value = serde_json::from_str(&rig).unwrap();
+            rig["library"] = json!(folder.join("assets/libraries/upm-2.json"));
+            change(&mut rig);
+            let job = json!({
+                "name": "made", "rig": rig, "parts": [{"kind": "penny", "count": 2}],
+                "task": {"type": "arrange", "targets_mm": [[0, 0], [50, 0]]}, "planner": planner,
+            });
+            JobSpec::from_json(&job.to_string(), &Origin::of_file(&folder.join("job.json")), None)
+        };
+        let selected = |change| PlannerSelection::of(&read("auto", change).unwrap());
+        assert_eq!(selected(&|_| ()).method, PlanningMethod::MovingField);
+        let slow_camera = |rig: &mut Value| rig["camera"]["frame_hz"] = json!(20);
+        let long_segments = |rig: &mut Value| rig["fields"]["base_hz"] = json!(15);
+        for (change, why) in [
+            (&slow_camera as &dyn Fn(&mut Value), "20 frames a second"),
+            (&long_segments, "fields of 15.0 Hz (its segments are driven from 7.5 Hz on and last 0.133 s)"),
+        ] {
+            let selection = selected(change);
+            assert_eq!(selection.method, PlanningMethod::SynthesizedField);
+            assert!(selection.report.why.contains(why), "{}", selection.report.why);
+            let refused = read("moving_field", change).unwrap_err()[0].to_string();
+            assert!(refused.contains(why) && refused.contains(" or more"), "{refused}");
         }
     }
 

@@ -15,4 +15,4 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-pub use planner::{MovingPlanner, Segment};
+pub use planner::{Heading, MovingPlanner, Segment};

@@ -21,7 +21,7 @@ const PASSES: usize = 30;
 /// Largest speed per distance left, 1/s: a part is seen, and its next motion planned, a segment and a half before.
 const APPROACH_PER_S: f64 = 8.0;
 /// Periods from the beginning of a segment to the middle of the stretch in which its drift is judged.
-const AHEAD: f64 = 1.5;
+pub(super) const AHEAD: f64 = 1.5;
 /// Change of speed that is asked of a part, relative to that which the last motions made.
 const AMBITION: f64 = 2.0;
 /// Share of full friction with which motions carry parts: at first, and its bounds.
@@ -61,6 +61,8 @@ pub(super) struct MovingPart {
     /// Where it is heading, m, and the length of its way from there on, m.
     pub target_m: Vec2,
     pub beyond_m: f64,
+    /// Velocity with which it should pass there; `None` where it should come to rest.
+    pub along_mps: Option<Vec2>,
 }
 
 impl MovingPart {
@@ -116,10 +118,17 @@ impl Aims {
         let pull_mps2 = |part: &MovingPart| self.share * part.disc.friction * GRAVITY_MPS2;
         // common to all, so that they arrive together: straight ways in step hardly cross
         let brake_mps2 = parts.iter().map(pull_mps2).sum::<f64>() / parts.len() as f64;
-        let left_m = rms(parts.iter().map(|part| part.left_m().norm()));
-        let way_m = rms(parts.iter().map(|part| part.left_m().norm() + part.beyond_m));
-        let rate = APPROACH_PER_S.min((2.0 * brake_mps2 * way_m).sqrt() / left_m.max(f64::MIN_POSITIVE));
-        let mut wanted_mps: Vec<Vec2> = parts.iter().zip(&ahead_m).map(|(p, at)| (p.target_m - at) * rate).collect();
+        let of_places = |length_m: &dyn Fn(&MovingPart) -> f64| {
+            rms(parts.iter().filter(|part| part.along_mps.is_none()).map(length_m))
+        };
+        let left_m = of_places(&|part| part.left_m().norm());
+        let way_m = of_places(&|part| part.left_m().norm() + part.beyond_m);
+        let to_places = APPROACH_PER_S.min((2.0 * brake_mps2 * way_m).sqrt() / left_m.max(f64::MIN_POSITIVE));
+        let rate_of = |part: &MovingPart| if part.along_mps.is_some() { APPROACH_PER_S } else { to_places };
+        let wanted = |(part, at_m): (&MovingPart, &Vec2)| {
+            (part.target_m - at_m) * rate_of(part) + part.along_mps.unwrap_or_default()
+        };
+        let mut wanted_mps: Vec<Vec2> = parts.iter().zip(&ahead_m).map(wanted).collect();
         keep_clear(parts, params, &ahead_m, &mut wanted_mps);
         let mut wish = Wish { goal: Goal::Ends, changes_mps: Vec::new(), is_clipped: false, asked_mps: 0.0 };
         let (mut rates, mut aims_mps) = (Vec::new(), Vec::new());
@@ -129,8 +138,9 @@ impl Aims {
             let share = (most_mps / change_mps.norm().max(f64::MIN_POSITIVE)).min(1.0);
             let change_mps = change_mps * share;
             wish.is_clipped |= share < 1.0;
-            rates.push(rate * share);
-            aims_mps.push(part.drift_mps + change_mps + at_m * (rate * share));
+            let rate = rate_of(part) * share;
+            rates.push(rate);
+            aims_mps.push(part.drift_mps + change_mps + at_m * rate);
             wish.changes_mps.push(change_mps);
         }
         wish.asked_mps = wish.changes_mps.iter().map(|change| change.norm_squared()).sum::<f64>().sqrt();
@@ -149,10 +159,10 @@ impl Aims {
     }
 }
 
-/// Root mean square.
-pub(super) fn rms(of: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = of.len();
-    (of.map(|x| x * x).sum::<f64>() / count as f64).sqrt()
+/// Root mean square; 0 of none.
+pub(super) fn rms(of: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = of.fold((0.0, 0), |(sum, count), x| (sum + x * x, count + 1));
+    (sum / f64::from(count.max(1))).sqrt()
 }
 
 /// Changes `velocities_mps` of parts at `places_m` until none closes a gap, beyond the one to keep, faster than

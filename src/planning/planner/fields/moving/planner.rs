@@ -1,7 +1,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::aims::{Aims, Goal, MovingPart, rms};
+use super::aims::{AHEAD, Aims, Goal, MovingPart, rms};
 use super::filter::PartFilter;
 use super::model::MovingModel;
 use super::motion::{Motion, NearEdge};
@@ -56,6 +56,18 @@ pub struct Segment {
     pub sets_down: bool,
     /// Forecast places at the end of its first period, m; of the last segment where the parts come to rest.
     pub ends_m: Vec<Vec2>,
+}
+
+/// Where a part is heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heading {
+    /// The place where it should come to rest, m, or where it should be [`MovingPlanner::ahead_s`] after the beginning of
+    /// the segment.
+    pub target_m: Vec2,
+    /// The next place on its way there that keeps it clear of others, m.
+    pub subgoal_m: Vec2,
+    /// Velocity with which it passes its target, m/s; `None` where it comes to rest.
+    pub along_mps: Option<Vec2>,
 }
 
 /// Plans motions that never stop until all parts are at their targets (equation sheet, section 5.1). Follows the parts
@@ -116,6 +128,11 @@ impl MovingPlanner {
     /// Length of a segment, s.
     pub fn period_s(&self) -> f64 {
         self.model.envelope.attack_s
+    }
+
+    /// Time from the beginning of a segment to the middle of the period in which its drifts are judged, s.
+    pub fn ahead_s(&self) -> f64 {
+        AHEAD * self.period_s()
     }
 
     /// The plate is at rest, and the parts rest at `places_m`.
@@ -235,23 +252,28 @@ impl MovingPlanner {
         })
     }
 
-    /// Plans the segment after the present one, or the first one, towards `targets_m`; [`Self::begin`] begins it. Parts
-    /// that hinder each other take the way by `subgoals_m`.
-    pub fn plan(&mut self, subgoals_m: &[Vec2], targets_m: &[Vec2]) -> Segment {
+    /// Plans the segment after the present one, or the first one; [`Self::begin`] begins it. Parts that hinder each
+    /// other take the way by their subgoals.
+    pub fn plan(&mut self, headings: &[Heading]) -> Segment {
         let states = self.next_states();
-        let lefts_m = states.iter().zip(targets_m).map(|((place_m, ..), target_m)| (target_m - place_m).norm());
-        let rms_m = rms(lefts_m);
+        let to_rest = states.iter().zip(headings).filter(|(_, heading)| heading.along_mps.is_none());
+        let rms_m = rms(to_rest.map(|((place_m, ..), heading)| (heading.target_m - place_m).norm()));
         let is_slow = rms_m > GETS_NEARER * self.best_m;
         self.slow = if is_slow { self.slow + 1 } else { 0 };
         self.best_m = if is_slow { self.best_m.min(rms_m) } else { rms_m };
-        let heading_m = if self.slow > BLOCKED { subgoals_m } else { targets_m };
-        let goals = heading_m.iter().zip(targets_m).map(|(&to_m, target_m)| (to_m, (target_m - to_m).norm()));
-        let part = |(((position_m, velocity_mps, drift_mps), (target_m, beyond_m)), part): ((_, _), &PartFilter)| {
+        let goes_round = self.slow > BLOCKED;
+        let part = |(((position_m, velocity_mps, drift_mps), heading), part): ((_, &Heading), &PartFilter)| {
+            let Heading { mut target_m, subgoal_m, along_mps } = *heading;
             let disc = RolloutDisc { position_m, velocity_mps, ..part.disc() };
-            MovingPart { disc, drift_mps, target_m, beyond_m }
+            let mut beyond_m = 0.0;
+            if goes_round {
+                (target_m, beyond_m) = (subgoal_m, (target_m - subgoal_m).norm());
+            }
+            MovingPart { disc, drift_mps, target_m, beyond_m, along_mps }
         };
-        let parts: Vec<MovingPart> = states.into_iter().zip(goals).zip(&self.parts).map(part).collect();
-        let set_down = if rms_m < SET_DOWN_M { self.set_down(&parts) } else { None };
+        let parts: Vec<MovingPart> = states.into_iter().zip(headings).zip(&self.parts).map(part).collect();
+        let comes_to_rest = rms_m < SET_DOWN_M && headings.iter().all(|heading| heading.along_mps.is_none());
+        let set_down = if comes_to_rest { self.set_down(&parts) } else { None };
         let sets_down = set_down.is_some();
         let (motion, ends_m) = set_down.unwrap_or_else(|| self.drift(&parts));
         self.planned = Arc::new(motion);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use rand::RngExt as _;
 
-use super::planner::{MovingPlanner, Segment};
+use super::planner::{Heading, MovingPlanner, Segment};
 use crate::cor_library::Library;
 use crate::planner::PlannerParams;
 use crate::planner::fields::tests::upm_2;
@@ -24,6 +24,10 @@ const TOLERANCE_M: f64 = 0.45e-3;
 /// Deviations of friction from part to part, and of the plate's response.
 const SPREAD: f64 = 0.1;
 const RESPONSE: f64 = 0.005;
+
+fn to_rest(targets_m: &[Vec2]) -> Vec<Heading> {
+    targets_m.iter().map(|&target_m| Heading { target_m, subgoal_m: target_m, along_mps: None }).collect()
+}
 
 /// Nearly normal: the sum of twelve uniform deviates.
 fn normal(rng: &mut Rng) -> f64 {
@@ -155,7 +159,7 @@ fn arranged(library: &Arc<Library>, count: usize, seed: u64, limit_s: f64) -> Ou
         let still = TwistWave { base_radps: std::f64::consts::TAU / period_s, harmonics: Vec::new() };
         let plan = |planner: &mut MovingPlanner| {
             let targets_m = assigned(&planner.next_places_m(), &targets_m);
-            planner.plan(&targets_m, &targets_m)
+            planner.plan(&to_rest(&targets_m))
         };
         let mut segment = plan(&mut planner);
         let mut from = still;
@@ -198,7 +202,7 @@ fn four_parts_arrive_without_a_pause() {
 fn segments(planner: &mut MovingPlanner, targets_m: &[Vec2]) -> Vec<Segment> {
     let mut segments = Vec::new();
     for _ in 0..8 {
-        segments.push(planner.plan(targets_m, targets_m));
+        segments.push(planner.plan(&to_rest(targets_m)));
         planner.begin();
     }
     segments
@@ -241,7 +245,7 @@ fn parts_are_followed_to_where_they_are_by_frames_alone() {
     let library = upm_2();
     let mut planner = planner(&library, 1);
     planner.rest(&[Vec2::zeros()]);
-    planner.plan(&[Vec2::new(0.05, 0.0)], &[Vec2::new(0.05, 0.0)]);
+    planner.plan(&to_rest(&[Vec2::new(0.05, 0.0)]));
     planner.begin();
     // the part stays where it was, whatever the motion should do
     for frame in 1..40 {
