@@ -127,6 +127,11 @@ pub trait Rig {
     /// [`RigFault::Device`] when the device fails.
     fn play(&mut self, drive: &Drive) -> Result<(), RigFault>;
 
+    /// True for a rig that lets one pulse take over from another.
+    fn takes_over(&self) -> bool {
+        false
+    }
+
     /// Lets `drive` take over from the playing pulse without a pause, at the end of that pulse's attack, or of its
     /// sustain where the attack is over: the old pulse decays while the new one rises. Where nothing takes over in
     /// time, a pulse plays to its end. Returns the time at which `drive` starts. Only motions without pauses need it.

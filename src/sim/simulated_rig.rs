@@ -173,6 +173,10 @@ impl Rig for SimRig {
         Ok(())
     }
 
+    fn takes_over(&self) -> bool {
+        true
+    }
+
     fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
         self.stop_if_tripped()?;
         self.check(drive)?;

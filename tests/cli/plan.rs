@@ -60,7 +60,7 @@ fn feasible_job_is_reported_with_its_figures_and_drawn() {
     assert!((0.01..1.0).contains(&number(&plan["independence"]["share"])), "{plan}");
     let planner = &plan["planner"];
     assert_eq!((&planner["name"], &planner["chosen"]), (&json!("synthesized_field"), &json!("auto")));
-    assert_eq!(planner["alternatives"], json!(["cor_sequence", "pseudo_inverse"]));
+    assert_eq!(planner["alternatives"], json!(["moving_field", "cor_sequence", "pseudo_inverse"]));
     for (part, start, end) in [(0, [-110.0, 45.0], [-100.0, -30.0]), (1, [60.0, -50.0], [40.0, -30.0])] {
         let part = &plan["parts"][part];
         assert_eq!(part["start"]["position_mm"], json!(start));

@@ -80,17 +80,20 @@ def moved_by_a_lie(run):
         return
     before, after = run.truth_at(first_s), run.truth[-1][1]
     moved_mm = max(math.dist(a[:2], b[:2]) for a, b in zip(before, after))
-    if moved_mm > PROBE_MM:
-        yield "O2", f"{lies[0]}: a part is moved by {moved_mm:.2f} mm before it is noticed, bar {PROBE_MM:g} mm"
+    # without pauses the first segment tells: friction pulls a part no farther in it
+    pull_mps2 = 9.81 * run.job["rig"]["friction"]["coefficient"]
+    bar_mm = 500 * pull_mps2 * run.pulses[0].attack_s ** 2 if run.is_moving else PROBE_MM
+    if moved_mm > bar_mm:
+        yield "O2", f"{lies[0]}: a part is moved by {moved_mm:.2f} mm before it is noticed, bar {bar_mm:.1f} mm"
 
 
 def misread(run, fault):
-    """Accelerometers that lie: the guard fires before the second pulse."""
+    """Accelerometers that lie: the guard fires before the second pulse; of motions without pauses the second has begun."""
     pulse = next((pulse for pulse in run.pulses if tells(run, pulse, fault)), None)
     if pulse is None or pulse.end_s > run.end_s:
         return
     later = [other.start_s for other in run.pulses if other.start_s > pulse.start_s]
-    bar_s = min(later, default=run.end_s)
+    bar_s = min(later[run.is_moving :], default=run.end_s)
     codes = ("accelerometer_fault", *(COIL_CODES if any(f.group in ("coil", "coils") for f in run.fired()) else ()))
     named = any(guard["code"] in codes and guard["at_s"] <= bar_s + 1e-4 for guard in run.guards)
     if not named and not (run.stop_code and not later):

@@ -95,6 +95,10 @@ class Run:
         return self.report["plate_time_s"]
 
     @property
+    def is_moving(self):
+        return (self.report.get("planner") or {}).get("name") == "moving_field"
+
+    @property
     def outcome(self):
         return self.report["outcome"]
 

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use super::ControlCycle;
 use super::play::drive_of;
 use crate::found::Found;
-use crate::guards::{PlateSwing, went};
+use crate::guards::PlateSwing;
 use crate::perception::FramePurpose;
 use crate::pulse_planner::PulsePlanner;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
@@ -256,7 +256,8 @@ impl ControlCycle<'_, '_> {
             }
             let (at_s, seen_m) = (self.perception.seen_at().secs_since(started_at), self.perception.seen_m());
             let off_m = self.moving().map_or(0.0, |planner| planner.observe(at_s, &seen_m));
-            if off_m > KNOCKED_M && !self.suspects_knock && self.params.guards.has(Finding::CameraMoved) {
+            let may_be_knocked = !self.suspects_knock && !self.perception.delay.looks_late();
+            if off_m > KNOCKED_M && may_be_knocked && self.params.guards.has(Finding::CameraMoved) {
                 self.suspects_knock = true;
                 self.perception.stop_motors(self.io.rig);
             }
@@ -266,12 +267,14 @@ impl ControlCycle<'_, '_> {
 
     /// Compares a segment with its plan: the plate's motion, the pictures' timing, the parts' steps.
     fn doubt_segment(&mut self, facts: &PulseFacts, judged: Option<MotionJudgement>) -> OrEnd {
-        let sight = self.sight(facts.positions.as_ref().and_then(went));
+        // parts coast on for a segment whatever the plate does: they are no witnesses of it
+        let sight = self.sight(None);
         let found = judged.and_then(|judged| self.motion.check(&judged, sight));
         let is_as_planned = self.report(found)?;
         self.check_frozen(is_as_planned)?;
         self.check_picture_delay(is_as_planned)?;
-        let positions = facts.positions.as_ref();
+        // in late pictures parts lag behind as if they stuck
+        let positions = facts.positions.as_ref().filter(|_| !self.perception.delay.is_doubted());
         let stuck = positions.and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
         self.report_step(stuck)
     }

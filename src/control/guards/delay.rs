@@ -97,6 +97,11 @@ impl DelayGuard {
         pulse.map_or(0.0, |(begin_s, swing)| swing.corner_px(at_s - begin_s))
     }
 
+    /// True where all pulses together cast doubt on the pictures.
+    pub fn is_doubted(&self) -> bool {
+        self.late.iter().any(|evidence| *evidence > DOUBTFUL)
+    }
+
     /// True while the frames of the newest pulse appear late: they may show a plate at rest as still swinging.
     pub fn looks_late(&self) -> bool {
         self.weighed().0[..NEVER].iter().any(|evidence| *evidence > DOUBTFUL)

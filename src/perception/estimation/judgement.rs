@@ -154,7 +154,8 @@ impl ExpectedMotion<'_> {
     /// True for a motion strong and long enough that accelerometers have to show it.
     fn must_be_readable(&self, planned: &Readings) -> bool {
         let is_strong = |a: &[f64; 2]| a[0] * a[0] + a[1] * a[1] >= (STRONG * WEAKEST_MPS2).powi(2);
-        self.periods() >= READABLE_PERIODS && planned.as_slice().as_chunks().0.iter().any(is_strong)
+        let is_long = self.take_over.is_some() || self.periods() >= READABLE_PERIODS;
+        is_long && planned.as_slice().as_chunks().0.iter().any(is_strong)
     }
 
     /// The accelerometers' readings of [`Self::velocity`].

@@ -46,7 +46,8 @@ fn parts_arrive_without_a_pause_and_the_senses_watch_them() {
     let mut late = fault("camera", "late", 0.0);
     late["value"] = json!(6);
     for (fault, finding) in [
-        (fault("coil1", "dead", 0.4), Finding::CoilFault),
+        // when a segment ends: the next one shows it from its beginning
+        (fault("coil1", "dead", 0.434), Finding::CoilFault),
         (late, Finding::CameraLate),
         (fault("camera", "freeze", 0.3), Finding::CameraFrozen),
         (fault("part0", "glued", 0.0), Finding::PartStuck),

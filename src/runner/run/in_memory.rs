@@ -117,7 +117,7 @@ mod tests {
     use serde_json::{Value, json};
 
     use super::*;
-    use crate::config::Origin;
+    use crate::config::{Origin, PlannerChoice};
     use crate::run::{PacingStats, RunOptions, Verification, run, verify};
     use upm_core::geometry::Vec2;
     use upm_core::job::{CameraMode, Finding, Outcome, StopCause};
@@ -221,7 +221,7 @@ mod tests {
 
     #[test]
     fn callers_task_replaces_the_jobs_and_has_no_verdict() {
-        let job = job(json!([]));
+        let job = job(json!([])).with_planner(PlannerChoice::SynthesizedField);
         let report = InMemoryRun::new(&job).unwrap().with_task(HoldForFrames(3)).run();
         // the probe is the first pulse of every run
         assert_eq!((report.outcome, report.pulses), (Outcome::Completed, 1), "{}", report.reason);

@@ -55,6 +55,10 @@ impl Rig for LoggedRig {
         self.rig.play(drive)
     }
 
+    fn takes_over(&self) -> bool {
+        true
+    }
+
     fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
         self.log.push(Played { at: self.now(), drive: drive.clone(), takes_over: true });
         self.rig.take_over(drive)

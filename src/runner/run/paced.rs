@@ -111,6 +111,10 @@ impl Rig for RealTimeRig<'_> {
         Ok(())
     }
 
+    fn takes_over(&self) -> bool {
+        self.rig.takes_over()
+    }
+
     fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
         let started_at = self.rig.take_over(drive)?;
         self.driving_until = started_at + drive.envelope.driven_s();

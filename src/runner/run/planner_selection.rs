@@ -45,6 +45,16 @@ impl PlannerSelection {
         Self::new(job, method, code, why)
     }
 
+    /// Selects again, for a rig that plays one pulse at a time; a planner that the job names stays.
+    pub(super) fn pause(&mut self) {
+        if self.method == PlanningMethod::MovingField && self.report.chosen == SelectedBy::Auto {
+            self.method = PlanningMethod::SynthesizedField;
+            self.report.name = self.method.code().into();
+            self.report.why += "; it plays one pulse at a time";
+            self.report.alternatives.retain(|other| *other != self.report.name);
+        }
+    }
+
     /// The selection of `method` for `job`; the reason has the stable `code` and is `why` in words.
     pub(super) fn new(job: &JobSpec, method: PlanningMethod, code: &str, why: String) -> Self {
         let moves_parts = !matches!(job.task, TaskSpec::PlusSign { .. } | TaskSpec::Hold { .. });

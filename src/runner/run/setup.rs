@@ -87,10 +87,15 @@ impl RunSetup {
         Ok(Self { truth: rig.probe(), rig, model, planner, task, params, placed, faults, streams })
     }
 
-    /// The same setup with the rig that `make` returns for the simulated one.
+    /// The same setup with the rig that `make` returns for the simulated one, and a planner for it.
     pub fn with_rig<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> RunSetup<R> {
-        let Self { rig, truth, model, planner, task, params, placed, faults, streams } = self;
-        RunSetup { rig: make(rig), truth, model, planner, task, params, placed, faults, streams }
+        let Self { rig, truth, model, mut planner, task, mut params, placed, faults, streams } = self;
+        let rig = make(rig);
+        if !rig.takes_over() {
+            planner.pause();
+            params.method = planner.method;
+        }
+        RunSetup { rig, truth, model, planner, task, params, placed, faults, streams }
     }
 }
 

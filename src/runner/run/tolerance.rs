@@ -98,7 +98,7 @@ mod tests {
         };
         let fault = at("auto", 0.1).unwrap();
         assert!(fault.path == "tolerance_mm" && fault.found.starts_with("0.1 mm"), "{fault}");
-        assert!(fault.expected.starts_with("0.29 mm or more with synthesized_field"), "{fault}");
+        assert!(fault.expected.starts_with("0.29 mm or more with moving_field"), "{fault}");
         assert_eq!(at("auto", 0.29), None);
         let fault = at("cor_sequence", 0.25).unwrap();
         assert!(fault.expected.starts_with("0.28 mm or more with cor_sequence"), "{fault}");

@@ -211,6 +211,10 @@ impl Rig for Faulty<'_> {
         self.rig.play(drive)
     }
 
+    fn takes_over(&self) -> bool {
+        self.rig.takes_over()
+    }
+
     fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
         self.settle_plant();
         self.refuse_broken()?;

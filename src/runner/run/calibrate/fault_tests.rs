@@ -68,6 +68,10 @@ impl Rig for AlteredRig {
         self.rig.play(&drive)
     }
 
+    fn takes_over(&self) -> bool {
+        true
+    }
+
     fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
         self.rig.take_over(drive)
     }

@@ -46,6 +46,9 @@ const FARTHER: f64 = 1.2;
 /// most pass each other without one, and sooner.
 const BLOCKED: usize = 75;
 
+/// Parts from which on a hand is no explanation where half of them are off their forecast.
+const MANY: usize = 3;
+
 /// One segment of a motion without pauses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
@@ -61,8 +64,8 @@ pub struct Segment {
 /// Where a part is heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Heading {
-    /// The place where it should come to rest, m, or where it should be [`MovingPlanner::ahead_s`] after the beginning of
-    /// the segment.
+    /// The place where it should come to rest, m, or where it should be [`MovingPlanner::ahead_s`] after the segment
+    /// begins.
     pub target_m: Vec2,
     /// The next place on its way there that keeps it clear of others, m.
     pub subgoal_m: Vec2,
@@ -158,7 +161,7 @@ impl MovingPlanner {
     /// Takes a frame exposed `at_s` after the present segment began; `seen_m` are the places of the parts in it, `None`
     /// for those that it does not show. A frame exposed after the segment's end counts once the next one begins.
     ///
-    /// Returns how far the parts are off their forecast places, m: the median.
+    /// Returns how far the parts are off their forecast places, m: the median, and 0 for fewer than three.
     pub fn observe(&mut self, at_s: f64, seen_m: &[Option<Vec2>]) -> f64 {
         if at_s > self.period_s() {
             self.early = Some((at_s - self.period_s(), seen_m.to_vec()));
@@ -173,7 +176,7 @@ impl MovingPlanner {
             .filter_map(|(part, seen_m)| Some(part.correct((*seen_m)? + part.disc().velocity_mps * early_s).norm()))
             .collect();
         off_m.sort_by(f64::total_cmp);
-        off_m.get(off_m.len() / 2).copied().unwrap_or(0.0)
+        if off_m.len() < MANY { 0.0 } else { off_m[off_m.len() / 2] }
     }
 
     /// Estimated places of the parts, m.
