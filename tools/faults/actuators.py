@@ -53,18 +53,18 @@ def played_wrongly(run, pulse):
 
 
 def misplayed(run):
-    """Coils that lie: one pulse may tell, the next one must not start."""
+    """Coils that lie: one pulse may tell, the next one must not start; of motions without pauses it has, and may tell, too."""
     if any(fault.group == "accel" for fault in run.fired()):
         # a run whose accelerometers are faulty goes on unwatched
         return
-    told = None
+    told = []
     for pulse in run.pulses:
         lying = [fault for fault in coil_faults(run, pulse) if fault.kind in LYING_COILS]
-        if told and lying and not pulse.is_probe:
-            yield "O2", f"{lying[0]}: a pulse starts at {pulse.start_s:.3f} s, after the one at {told.start_s:.3f} s that tells"
+        if len(told) > run.is_moving and lying and not pulse.is_probe:
+            yield "O2", f"{lying[0]}: a pulse starts at {pulse.start_s:.3f} s, after the one at {told[-1].start_s:.3f} s that tells"
             return
         telling = lying and is_strong(run, pulse) and played_wrongly(run, pulse) >= TELLING_SHARE
-        told = pulse if telling else told
+        told += [pulse] * bool(telling)
 
 
 def moved_by_a_lie(run):

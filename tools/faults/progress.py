@@ -6,6 +6,8 @@ from . import claims
 FUTILE, NEAR, DETOUR = 20, 100, 200
 # these are for as many parts as one motion serves; more take turns, and every pair of them may hinder each other
 SERVED = 8
+# cycles of motions without pauses that are as long as one with them
+SEGMENTS = 5
 # the program judges by what it sees: as many cycles more, since small steps look different to it, and progress that looks
 # like 1 % or 5 % to it may truly be a fifth less
 SLACK = 5
@@ -15,7 +17,7 @@ NEAR_TOLERANCES, SHARE, PART_SHARE, NEW_MM = 6.0, 0.008, 0.04, 1.0
 def violations(run):
     if not run.truth:
         return
-    watch = Watch(run.job["task"]["type"] in ("plus_sign", "trajectories"), run.tolerance_mm)
+    watch = Watch(run.job["task"]["type"] in ("plus_sign", "trajectories"), run.tolerance_mm, SEGMENTS if run.is_moving else 1)
     played = False
     for cycle in run.cycles:
         true = [part[:2] for part in run.truth_at(cycle["observed_at_s"])]
@@ -32,8 +34,8 @@ def violations(run):
 class Watch:
     """Counts cycles with pulses since the true places came nearer to the targets, the subgoals, or one part to its target."""
 
-    def __init__(self, follows_paths, tolerance_mm):
-        self.follows_paths, self.tolerance_mm = follows_paths, tolerance_mm
+    def __init__(self, follows_paths, tolerance_mm, segments=1):
+        self.follows_paths, self.tolerance_mm, self.segments = follows_paths, tolerance_mm, segments
         self.targets, self.subgoals, self.least = [], [], {}
         self.futile = self.detour = 0
         self.moved_from = None
@@ -43,7 +45,7 @@ class Watch:
         targets, subgoals = cycle["wanted"]["targets_mm"], cycle["wanted"]["subgoals_mm"]
         if subgoals == cycle["observed_mm"]:
             # every part is let be
-            self.__init__(self.follows_paths, self.tolerance_mm)
+            self.__init__(self.follows_paths, self.tolerance_mm, self.segments)
             return None
         if targets != self.targets:
             self.targets, self.least["targets"] = targets, distance(true, targets)
@@ -56,7 +58,7 @@ class Watch:
         gets_on = gets_on or bool(ones) or (self.follows_paths and self.has_moved(true))
         self.futile = 0 if nearer or gets_on else self.futile + played
         self.detour = 0 if nearer or self.follows_paths else self.detour + played
-        turns = max(1.0, len(true) / SERVED) ** 2
+        turns = self.segments * max(1.0, len(true) / SERVED) ** 2
         bar = turns * (NEAR if farthest(true, targets) < NEAR_TOLERANCES * self.tolerance_mm else FUTILE)
         if self.futile > bar + SLACK:
             return f"{self.futile} cycles with pulses and no true progress, bar {bar:.0f}"
