@@ -33,8 +33,8 @@ sys.path.append(str(pathlib.Path(__file__).resolve().parents[1]))
 from common import ROOT, config, output_of, parser_of, percentile, speed_of, table  # noqa: E402
 
 APART_MM, MARGIN_MM, WIDEST_MM = 25.4, 5.0, 24.26
-PLAN_P99_MS = {"arrange-8": 2.0, "arrange-16": 6.0}
-RECORDED, RECORDED_SPEED = "arrange-8", 15.0
+FIELD_P99_MS = {"arrange-8": 2.0, "arrange-16": 6.0}
+RECORDED, FIELD_SPEED = "arrange-8", 15.0
 
 # the bars of sequences of rotations: median plate time, planning of a new sequence and of a correction, speed with recording
 ROTATIONS = "cor_sequence"
@@ -42,10 +42,15 @@ ROTATION_MEDIAN_S = {
     "arrange-2": 6.0, "arrange-4": 14.0, "arrange-8": 36.0, "arrange-16": 150.0,
     "sort-8": 40.0, "sort-12": 120.0, "swap-2": 6.0, "ring-6": 35.0, "bowtie-3": 200.0,
 }  # fmt: skip
+# motions without pauses
+MOVING = "moving_field"
 MOVING_MEDIAN_S = {
-    "arrange-2": 1.6, "arrange-4": 1.8, "arrange-8": 3.0, "arrange-16": 8.0, "arrange-24": 25.0, "sort-8": 3.5, "sort-12": 8.0
+    "arrange-2": 1.6, "arrange-4": 1.8, "arrange-8": 3.0, "arrange-16": 8.0, "arrange-24": 25.0, "arrange-32": 60.0,
+    "sort-8": 3.5, "sort-12": 8.0, "letters-16": 15.0, "grid-20-22": 60.0, "line-10": 8.0,
 }  # fmt: skip
-MEDIAN_S = {ROTATIONS: ROTATION_MEDIAN_S, "moving_field": MOVING_MEDIAN_S}
+MOVING_P99_MS = {"arrange-8": 15.0, "arrange-16": 30.0}
+MOVING_SPEED = 5.0
+MEDIAN_S = {ROTATIONS: ROTATION_MEDIAN_S, MOVING: MOVING_MEDIAN_S}
 ROTATION_P99_MS = {"arrange-8": (80.0, 3.0), "arrange-16": (250.0, 10.0)}
 ROTATION_RECORDED, ROTATION_RECORDED_SPEED = "arrange-16", 10.0
 
@@ -142,7 +147,7 @@ JOBS = {
     "ring-6": Job(ring, most={"collisions": 0}),
     "bowtie-3": Job(shipped("bowtie-3"), most={"phase_error_max": 0.05, "cross_track_rms_mm": 0.35}, limit_s=900.0),
 }
-# places that leave little between the pennies (19 mm); no bars, and run when they are named
+# places that leave little between the pennies (19 mm), and more of them; run when they are named
 DENSE = {
     "row-6-22": Job(placed(grid(6, 1, 22.0)), share=0.0),
     "row-8-22": Job(placed(grid(8, 1, 22.0)), share=0.0),
@@ -150,6 +155,10 @@ DENSE = {
     "grid-9-24": Job(placed(grid(3, 3, 24.0)), share=0.0, limit_s=600.0),
     "grid-12-25": Job(placed(grid(4, 3, 25.0)), share=0.0, limit_s=600.0),
     "grid-12-32": Job(placed(grid(4, 3, 32.0)), share=0.0, limit_s=600.0),
+    "arrange-32": Job(arrange(32), most=EXACT, limit_s=600.0),
+    "letters-16": Job(shipped("letters-16"), most=EXACT),
+    "grid-20-22": Job(placed(grid(5, 4, 22.0)), most=EXACT, limit_s=600.0),
+    "line-10": Job(shipped("line-10"), most=EXACT),
 }
 JOBS |= DENSE
 
@@ -286,7 +295,8 @@ def alone(bench, names, planner, seeds):
     print(f"\none at a time on one core, {seeds} runs each")
     for name in names:
         reports = [bench.run(name, planner, seed, one_core=True) for seed in range(1, seeds + 1)]
-        bars = zip(("new_ms", "correction_ms"), ROTATION_P99_MS[name]) if planner == ROTATIONS else [("plan_ms", PLAN_P99_MS[name])]
+        field_ms = (MOVING_P99_MS if planner == MOVING else FIELD_P99_MS)[name]
+        bars = zip(("new_ms", "correction_ms"), ROTATION_P99_MS[name]) if planner == ROTATIONS else [("plan_ms", field_ms)]
         for key, bar in bars:
             cycles = [ms for found in values(reports, key) for ms in found]
             of_all, median = (shown(over(figure, cycles), 2, 0) for figure in (p99, statistics.median))
@@ -294,7 +304,8 @@ def alone(bench, names, planner, seeds):
             if not cycles or p99(cycles) > bar:
                 yield f"{name}: {KINDS[key]} p99 {of_all} ms, bar {bar:g}"
         print(f"{name:11} without recording {speeds(reports)}", flush=True)
-    recorded, bar = (ROTATION_RECORDED, ROTATION_RECORDED_SPEED) if planner == ROTATIONS else (RECORDED, RECORDED_SPEED)
+    of_fields = RECORDED, MOVING_SPEED if planner == MOVING else FIELD_SPEED
+    recorded, bar = (ROTATION_RECORDED, ROTATION_RECORDED_SPEED) if planner == ROTATIONS else of_fields
     if recorded in names:
         # a recording is written beside the loop: rotations are held to their bar as people run them, on all cores
         one_core = planner != ROTATIONS
@@ -336,7 +347,7 @@ def main():
         ours = bench.campaign(names, args.planner, args.seeds, args.jobs)
         print_jobs(ours, args.jobs)
         missed = [miss for name, reports in ours.items() for miss in misses(name, reports)]
-        timed = [name for name in PLAN_P99_MS if name in names] if args.alone else []
+        timed = [name for name in FIELD_P99_MS if name in names] if args.alone else []
         if timed:
             missed += alone(bench, timed, args.planner, args.alone)
         if compared:

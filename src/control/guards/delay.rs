@@ -165,7 +165,10 @@ impl DelayGuard {
         let late: [_; NEVER + 1] =
             std::array::from_fn(|delay| if delay < NEVER { shown(delay as isize) } else { shown(0) * 0.0 });
         // errors of the model are alike in all frames of a pulse, and as large as earlier pulses showed them
-        let (count, swing_px2) = (frames.len() as f64, late[0].norm_squared());
+        // where both are as far as the sides are followed, a frame shows neither the swing's height nor the model's error
+        let open = || late[0].iter().zip(seen.iter()).filter(|(shown, seen)| shown.min(**seen) < FARTHEST_PX);
+        let (frames, swing_px2) = (open().count(), open().map(|(shown, _)| shown * shown).sum::<f64>());
+        let count = frames as f64;
         let share = (MODEL_ERROR * MODEL_ERROR + self.unexplained.0) / (1.0 + self.unexplained.1);
         let usual_px2 = count * NOISE_PX * NOISE_PX + share * swing_px2;
         let left: [f64; NEVER + 1] = late.each_ref().map(left_px2);
@@ -177,7 +180,9 @@ impl DelayGuard {
             if is_told { 0.5 * count * libm::log(in_time_px2 / late_px2) } else { 0.0 }
         });
         let best_px2 = left[LATE..NEVER].iter().copied().fold(in_time_px2, f64::min);
-        (evidence, shows_height(swing_px2, frames.len()).then(|| (best_px2 / swing_px2).min(1.0)))
+        // of many delays one fits better by chance: up to the usual error of models the pictures are in time
+        let left_px2 = in_time_px2.min(best_px2.max(MODEL_ERROR * MODEL_ERROR * swing_px2));
+        (evidence, shows_height(swing_px2, frames).then(|| (left_px2 / swing_px2).min(1.0)))
     }
 }
 
