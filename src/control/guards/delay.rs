@@ -165,7 +165,8 @@ impl DelayGuard {
         let late: [_; NEVER + 1] =
             std::array::from_fn(|delay| if delay < NEVER { shown(delay as isize) } else { shown(0) * 0.0 });
         // errors of the model are alike in all frames of a pulse, and as large as earlier pulses showed them
-        // where both are as far as the sides are followed, a frame shows neither the swing's height nor the model's error
+        // where both are as far as the sides are followed, a frame shows neither height of the swing nor error of the
+        // model
         let open = || late[0].iter().zip(seen.iter()).filter(|(shown, seen)| shown.min(**seen) < FARTHEST_PX);
         let (frames, swing_px2) = (open().count(), open().map(|(shown, _)| shown * shown).sum::<f64>());
         let count = frames as f64;
