@@ -243,6 +243,6 @@ fn coins_rest_on_the_plate_soon_after_a_stop_in_motion() {
 
 #[test]
 #[ignore = "long: `cargo test -p upm-runner ten_thousand -- --ignored --nocapture` runs it"]
-fn ten_thousand_stops_in_motion() {
+fn campaign_of_ten_thousand_stops_in_motion() {
     judge(&(1..=1000).flat_map(|seed| stops(seed, 10)).collect::<Vec<_>>());
 }
