@@ -3,7 +3,7 @@
 
 usage: moving_run.py [--upm target/debug/upm] [--venv target/moving-run] [--seeds 1 2 3 4 5] [--step-us 25]
 
-Each seed is a run of eight discs, each with a friction of its own, which its folder states. From the counts in its
+Each seed is a run of eight discs with a friction each, which its folder states. From the counts in its
 journal this file makes every sample of the coils (docs/physics.md, sections 1.2 and 5.1), their low-pass, the plate on
 its rods, and the discs as 400 patches each under Coulomb's law, in half upm's step: from the places observed at the
 start to those at the end, which are compared, without a look in between. Exit status 1 when one is 0.5 mm off or more.

@@ -274,24 +274,24 @@ fn check_planner(document: &JobFile, rig: &RigSpec, root: &Path, faults: &mut Di
         PlannerChoice::MovingField => "moving_field",
         PlannerChoice::Auto | PlannerChoice::CorSequence | PlannerChoice::PseudoInverse => return,
     };
-    let found = format!("\"{name}\" on a rig without `fields`");
-    let allowed = "auto, cor_sequence, pseudo_inverse, or a rig that has `fields`";
-    faults.require(rig.model.fields.is_some(), root.key("planner"), found, allowed);
-    if document.planner == PlannerChoice::MovingField {
-        let moves_parts = !matches!(document.task, TaskSection::PlusSign { .. } | TaskSection::Hold { .. });
-        if let Some((found, allowed)) = moving_obstacle(rig, moves_parts) {
-            let (found, allowed) =
-                (format!("\"moving_field\" {found}"), format!("auto, synthesized_field, or {allowed}"));
-            faults.push(root.key("planner"), found, allowed);
-        }
+    let moves_parts = !matches!(document.task, TaskSection::PlusSign { .. } | TaskSection::Hold { .. });
+    let (others, obstacle) = match document.planner {
+        _ if rig.model.fields.is_none() => ("cor_sequence, pseudo_inverse", Some(without_fields())),
+        PlannerChoice::MovingField => ("synthesized_field", moving_obstacle(rig, moves_parts)),
+        _ => return,
+    };
+    if let Some((found, allowed)) = obstacle {
+        faults.push(root.key("planner"), format!("\"{name}\" {found}"), format!("auto, {others}, or {allowed}"));
     }
+}
+
+fn without_fields() -> (String, String) {
+    ("on a rig without `fields`".into(), "a rig that has `fields`".into())
 }
 
 /// The reason for which motions without pauses are not possible, and what would do; `None` where they are.
 pub(crate) fn moving_obstacle(rig: &RigSpec, moves_parts: bool) -> Option<(String, String)> {
-    let Some(fields) = rig.model.fields else {
-        return Some(("on a rig without `fields`".into(), "a rig that has them".into()));
-    };
+    let Some(fields) = rig.model.fields else { return Some(without_fields()) };
     let (base_hz, frame_hz) = (fields.base_radps / TAU, rig.model.frame_hz);
     let stiffest_hz = rig.document.plate.resonance_hz.into_iter().fold(0.0, f64::max);
     // a segment is two periods of the fields: it is driven from half their frequency on, shown by two frames at least,

@@ -28,29 +28,27 @@ impl PlannerSelection {
             PlannerChoice::Auto if job.rig.model.fields.is_none() => {
                 (PlanningMethod::CorSequence, "no_fields", "the rig has no fields".to_owned())
             }
+            PlannerChoice::Auto if obstacle.is_none() => {
+                (PlanningMethod::MovingField, "to_places", "the rig has fields and parts go to places".to_owned())
+            }
             PlannerChoice::Auto if parts < SEVERAL => {
                 (PlanningMethod::CorSequence, "one_part", "the job moves one part".to_owned())
             }
             PlannerChoice::Auto => {
-                let why = format!("the rig has fields and the job moves {parts} parts");
-                match obstacle {
-                    None => (PlanningMethod::MovingField, "several_parts", why),
-                    Some((found, _)) => {
-                        let why = format!("{why}; no motion without pauses {found}");
-                        (PlanningMethod::SynthesizedField, "several_parts", why)
-                    }
-                }
+                let why = obstacle.map_or(String::new(), |(found, _)| format!("; no motion without pauses {found}"));
+                let why = format!("the rig has fields and the job moves {parts} parts{why}");
+                (PlanningMethod::SynthesizedField, "several_parts", why)
             }
         };
         Self::new(job, method, code, why)
     }
 
-    /// Selects again, for a rig that plays one pulse at a time; a planner that the job names stays.
-    pub(super) fn pause(&mut self) {
+    /// Falls back, for a rig that plays one pulse at a time; a planner that the job names stays.
+    pub(super) fn fall_back(&mut self) {
         if self.method == PlanningMethod::MovingField && self.report.chosen == SelectedBy::Auto {
             self.method = PlanningMethod::SynthesizedField;
             self.report.name = self.method.code().into();
-            self.report.why += "; it plays one pulse at a time";
+            self.report.why += "; the rig plays one pulse at a time";
             self.report.alternatives.retain(|other| *other != self.report.name);
         }
     }

@@ -92,7 +92,7 @@ impl RunSetup {
         let Self { rig, truth, model, mut planner, task, mut params, placed, faults, streams } = self;
         let rig = make(rig);
         if !rig.takes_over() {
-            planner.pause();
+            planner.fall_back();
             params.method = planner.method;
         }
         RunSetup { rig, truth, model, planner, task, params, placed, faults, streams }
