@@ -18,7 +18,7 @@ impl PlannerSelection {
     /// Selects the planner of `job`. Every part counts as moved: each has a target, if only its own place.
     pub fn of(job: &JobSpec) -> Self {
         let parts: usize = job.parts.iter().map(|group| group.count).sum();
-        let obstacle = moving_obstacle(&job.rig, goes_to_places(job));
+        let obstacle = moving_obstacle(&job.rig, moves_parts(job));
         let named = |method| (method, "named_by_job", "the job names it".to_owned());
         let (method, code, why) = match job.planner {
             PlannerChoice::CorSequence => named(PlanningMethod::CorSequence),
@@ -28,15 +28,16 @@ impl PlannerSelection {
             PlannerChoice::Auto if job.rig.model.fields.is_none() => {
                 (PlanningMethod::CorSequence, "no_fields", "the rig has no fields".to_owned())
             }
-            PlannerChoice::Auto if obstacle.is_none() => {
+            PlannerChoice::Auto if obstacle.is_none() && goes_to_places(job) => {
                 (PlanningMethod::MovingField, "to_places", "the rig has fields and parts go to places".to_owned())
             }
             PlannerChoice::Auto if parts < SEVERAL => {
                 (PlanningMethod::CorSequence, "one_part", "the job moves one part".to_owned())
             }
             PlannerChoice::Auto => {
-                let why = obstacle.map_or(String::new(), |(found, _)| format!("; no motion without pauses {found}"));
-                let why = format!("the rig has fields and the job moves {parts} parts{why}");
+                let follows = || "pauses keep parts closer to their paths".to_owned();
+                let why = obstacle.map_or_else(follows, |(found, _)| format!("no motion without pauses {found}"));
+                let why = format!("the rig has fields and the job moves {parts} parts; {why}");
                 (PlanningMethod::SynthesizedField, "several_parts", why)
             }
         };
@@ -55,9 +56,8 @@ impl PlannerSelection {
 
     /// The selection of `method` for `job`; the reason has the stable `code` and is `why` in words.
     pub(super) fn new(job: &JobSpec, method: PlanningMethod, code: &str, why: String) -> Self {
-        let moves_parts = !matches!(job.task, TaskSpec::PlusSign { .. } | TaskSpec::Hold { .. });
         let is_possible = |method: PlanningMethod| match method {
-            PlanningMethod::MovingField => moving_obstacle(&job.rig, moves_parts).is_none(),
+            PlanningMethod::MovingField => moving_obstacle(&job.rig, moves_parts(job)).is_none(),
             PlanningMethod::SynthesizedField => job.rig.model.fields.is_some(),
             PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => true,
         };
@@ -77,6 +77,10 @@ impl PlannerSelection {
         };
         Self { method, report }
     }
+}
+
+fn moves_parts(job: &JobSpec) -> bool {
+    !matches!(job.task, TaskSpec::PlusSign { .. } | TaskSpec::Hold { .. })
 }
 
 fn goes_to_places(job: &JobSpec) -> bool {
