@@ -6,7 +6,8 @@
 //! 2. Resonances: a multisine on each axis; natural frequency and damping ratio from the accelerometers' spectra, by
 //!    FFT. Every later pulse is computed with them.
 //! 3. Displacement: a few motions, played as pulses of rising length; the camera measures how far the coins move. This
-//!    step precedes the next one, whose many pulses carry the coins off the plate.
+//!    step precedes the next one, whose many pulses carry the coins off the plate. Two looks at rest between two pulses
+//!    give the camera's noise.
 //! 4. Steering: centres of rotation on and around the plate and translations, each played in both directions as
 //!    strongly as the motors allow and read back through the accelerometers.
 //! 5. Fields, where the rig makes synthesised motions: each of their harmonics on each axis, read back likewise, gives
@@ -107,10 +108,12 @@ impl CalibrationSession<'_> {
             shapes: axes.shapes,
             entries: steering::measure(session, &axes, params, &motions)?,
             displacement: Default::default(),
+            camera_noise: None,
             fields: None,
             plate,
         };
-        library.displacement = displacement::measure(session, &library, params)?;
+        let (displacement, noise) = displacement::measure(session, &library, params)?;
+        (library.displacement, library.camera_noise) = (displacement, Some(noise));
         library.entries = steering::measure(session, &axes, params, &steering::wanted(&axes, model, params))?;
         library.fields = fields::measure(session)?;
         closing::check(session, &axes)?;

@@ -59,7 +59,11 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
             Ok(planner) => planner,
             Err(ending) => return Break(ending),
         };
-        Continue((planner, Perception::open(io, &params.kinds, &params.parts, params.guards)?))
+        let mut perception = Perception::open(io, &params.kinds, &params.parts, params.guards)?;
+        if let Some(noise) = &library.camera_noise {
+            perception.delay.noise_px = noise.corner_px;
+        }
+        Continue((planner, perception))
     };
     let finish = match open(&mut io) {
         Continue((planner, perception)) => {

@@ -13,8 +13,8 @@ pub(super) use freshness::{Freshness, Unusable};
 pub(super) use motion::{MotionFinding, MotionGuard, Sight};
 pub(super) use steps::{PulseOutcome, StepGuard, went};
 
-/// Pulses in 1,000 h: three a second, the most that a shipped rig plays.
-const PULSES_PER_1000_H: f64 = 3.0 * 3.6e6;
+/// Pulses in 1,000 h: fifteen a second, the segments of a motion without pauses.
+const PULSES_PER_1000_H: f64 = 15.0 * 3.6e6;
 /// Guards that rest on chance and share the accepted false alarms: motion, late pictures, steps.
 const BY_CHANCE: f64 = 3.0;
 

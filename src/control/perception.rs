@@ -297,6 +297,11 @@ impl Perception {
         if came < LEAST_OBSERVATIONS { came } else { frames.round() as u32 }
     }
 
+    /// Largest displacement of the plate's corners in the newest frame, px; `None` where it does not show them.
+    pub(crate) fn corner_px(&self) -> Option<f64> {
+        self.scene.swing_px(&self.frame)
+    }
+
     /// Time of the newest frame's exposure.
     pub fn seen_at(&self) -> PlateTime {
         self.frame.exposed_at

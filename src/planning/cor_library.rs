@@ -17,5 +17,5 @@ mod validate;
 pub use coil_response::CoilResponse;
 pub(crate) use displacement::bracket;
 pub use drive::{drive_for, motor_harmonics};
-pub use types::{AxisShape, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};
+pub use types::{AxisShape, CameraNoise, DisplacementModel, Entry, FieldResponse, Library, PlateResponse};
 pub(crate) use validate::flow_eigenvalues;

@@ -18,7 +18,7 @@ from .shrink import shrunk
 
 VERIFY_EVERY, NEXT_JOB_EVERY, TELL_EVERY_S = 100, 5, 5.0
 # as in control/guards.rs
-PULSES_PER_1000_H = 3 * 3.6e6
+PULSES_PER_1000_H = 15 * 3.6e6
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,7 @@ def print_tails(evidence):
     print("\n" + "\n".join(table(["evidence", "once", "per nat", "most", "limit", "alarms in 1,000 h"], rows)))
     steps, missed = (sum(run[key] for run in evidence) for key in ("steps", "steps_missed"))
     hours = pulses / PULSES_PER_1000_H * 1000
-    print(f"{pulses} pulses ({hours:.1f} h of three a second), {steps} steps of parts, {missed} of them missed")
+    print(f"{pulses} pulses ({hours:.1f} h of fifteen a second), {steps} steps of parts, {missed} of them missed")
 
 
 def print_violations(bad, runner, options):

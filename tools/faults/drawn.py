@@ -1,7 +1,8 @@
 """Randomly drawn jobs: any task, 2 to 30 parts of all kinds, dense and loose, both rigs and planners."""
 import math
+import random
 
-from .jobs import RADIUS_MM, RIGS, Made, places, rig_of
+from .jobs import RADIUS_MM, RIGS, Made, places, planners, rig_of
 
 WIDEST_MM = max(RADIUS_MM.values())
 # sixteen pennies as letters: many small steps over a long time
@@ -13,9 +14,20 @@ LETTERS_MM = [
 
 def letters(seed):
     """The letters with a seed of their own."""
+    rng = random.Random(seed)
+    planner = rng.choice(("moving_field", "synthesized_field"))
     task = {"type": "arrange", "targets_mm": LETTERS_MM, "assignment": "optimal"}
-    job = {"name": f"letters-{seed}", "seed": seed, "rig": rig_of("upm-2", False), "parts": [{"kind": "penny", "count": 16}]}
-    return Made("letters", "upm-2", "synthesized_field", {**job, "task": task, "tolerance_mm": 0.5, "limits": {"plate_time_s": 300}})
+    job = {"name": f"letters-{seed}", "seed": seed, "rig": varied(rng, "upm-2", False), "parts": [{"kind": "penny", "count": 16}]}
+    job |= {"planner": planner, "tolerance_mm": 0.5, "limits": {"plate_time_s": 300}, "task": task}
+    return Made("letters", "upm-2", planner, job)
+
+
+def varied(rng, name, is_small):
+    """A rig with friction and a camera of its own."""
+    rig = rig_of(name, is_small)
+    rig["friction"]["spread"] = round(rng.uniform(0.0, 0.2), 3)
+    rig["camera"]["read_noise"] = round(rig["camera"]["read_noise"] * rng.uniform(0.5, 2.0), 3)
+    return rig
 
 
 def half_side_mm(rig):
@@ -87,17 +99,15 @@ def plus_sign(rng, _, __):
 def make(rng, seed):
     """A job that a healthy rig completes."""
     rig = rng.choice(("upm-1", "upm-2", "upm-2"))
-    planner = rng.choice(("moving_field", "synthesized_field", "cor_sequence")) if rig == "upm-2" else "cor_sequence"
+    planner = rng.choice(planners(rig, True))
     # rotations carry few parts in a time that a campaign has
-    most = {"upm-1": 1, "upm-2": 6 if planner == "cor_sequence" else 30}[rig]
+    most = {"upm-1": rng.choice((1, 3)), "upm-2": 6 if planner == "cor_sequence" else 30}[rig]
     count = min(most, round(math.exp(rng.uniform(math.log(2), math.log(30)))))
     maker = rng.choice((plus_sign, hold) if count == 1 else (arrange, arrange, arrange, sort, paths, hold))
     parts, task = maker(rng, rig, count)
-    if planner == "moving_field" and task["type"] not in ("arrange", "sort"):
+    if planner == "moving_field" and task["type"] == "hold":
         planner = "synthesized_field"
-    described = rig_of(rig, rng.random() < 0.5)
-    described["friction"]["spread"] = round(rng.uniform(0.0, 0.2), 3)
-    described["camera"]["read_noise"] = round(described["camera"]["read_noise"] * rng.uniform(0.5, 2.0), 3)
+    described = varied(rng, rig, rng.random() < 0.5)
     job = {"name": f"{maker.__name__}-{seed}", "seed": seed, "rig": described, "parts": parts, "task": task}
     job |= {"planner": planner, "tolerance_mm": 0.5, "limits": {"plate_time_s": 150 + 20 * count}}
     return Made(maker.__name__, rig, planner, job)

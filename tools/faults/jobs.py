@@ -115,13 +115,18 @@ def rig_of(name, is_small):
     return rig
 
 
+def planners(rig, moves_parts):
+    """The planners of a job: only upm-2 has fields, and motions without pauses carry parts somewhere."""
+    fields = ["synthesized_field"] + ["moving_field"] * moves_parts
+    return ["cor_sequence"] + fields * (rig == "upm-2")
+
+
 def make(rng, template=None, rig=None, planner=None, seed=0, is_small=None):
     """A job; arguments left out are drawn."""
     template = template or rng.choice(sorted(TEMPLATES))
     maker, rigs, limits_s = TEMPLATES[template]
     rig = rig or rng.choice(rigs)
-    # only upm-2 has fields
-    planner = planner or (rng.choice(("synthesized_field", "cor_sequence")) if rig == "upm-2" else "cor_sequence")
+    planner = planner or rng.choice(planners(rig, template not in ("hold", "endless")))
     is_small = rng.random() < 0.8 if is_small is None else is_small
     parts, task = maker(rng, rig)
     job = {

@@ -11,7 +11,7 @@ use super::{CalibrationFault, CalibrationParams, CalibrationSession};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::job::Finding;
 use upm_core::units::mm_from_m;
-use upm_planning::cor_library::{DisplacementModel, Entry, Library};
+use upm_planning::cor_library::{CameraNoise, DisplacementModel, Entry, Library};
 
 /// Number of speed nodes of the model.
 const SPEEDS: usize = 14;
@@ -50,16 +50,26 @@ struct DisplacementSample {
 struct SilentSink;
 impl Sink for SilentSink {}
 
+/// The camera's view of the coins, and how far two looks at the same coins at rest are apart.
+struct Looks {
+    perception: Perception,
+    last_m: Vec<Vec2>,
+    /// Sums of squares and their number: differences of a coin's places along an axis, m², and corners, px².
+    places_m2: (f64, usize),
+    corners_px2: (f64, usize),
+}
+
 /// Moves the coins to and fro with every entry of `library` and fits the displacement model to the camera's
-/// measurements.
+/// measurements, whose noise is the second result.
 pub(super) fn measure(
     session: &mut CalibrationSession<'_>,
     library: &Library,
     params: &CalibrationParams,
-) -> Result<DisplacementModel, CalibrationFault> {
+) -> Result<(DisplacementModel, CameraNoise), CalibrationFault> {
     let guards = Guards { without: Some(Finding::PartsJumped), ..Guards::default() };
     let opened = Perception::open(&mut session.io(&mut SilentSink), &params.kinds, &params.coins, guards);
-    let mut perception = into_result(opened)?;
+    let perception = into_result(opened)?;
+    let mut looks = Looks { perception, last_m: Vec::new(), places_m2: (0.0, 0), corners_px2: (0.0, 0) };
     // Lengthens the pulse until a coin moves as far as the model must cover. Sustains are spaced evenly up to there.
     let longest_s = session.model.max_sustain_s;
     let speed = |entry: &Entry| entry.pump.velocity_mps.norm();
@@ -72,7 +82,7 @@ pub(super) fn measure(
         let sustain_s = longest_s * f64::from(step) / 12.0;
         opening.clear();
         for reversed in [false, true] {
-            opening.extend(pulse(session, &mut perception, library, params, (entry, reversed), (0, sustain_s))?);
+            opening.extend(pulse(session, &mut looks, library, params, (entry, reversed), (0, sustain_s))?);
         }
         farthest = opening.iter().map(|sample| sample.distance_m).fold(farthest, f64::max);
         if farthest >= params.longest_m {
@@ -94,13 +104,13 @@ pub(super) fn measure(
         for entry in (0..motions).filter(|entry| (entry + k) % turns == 0) {
             session.report("displacement", k * motions + entry, motions * sustain_s.len());
             for reversed in [false, true] {
-                samples.extend(pulse(session, &mut perception, library, params, (entry, reversed), (k, sustain))?);
+                samples.extend(pulse(session, &mut looks, library, params, (entry, reversed), (k, sustain))?);
             }
         }
     }
     let model = fit(&samples, sustain_s);
     check_closing(&opening, &model)?;
-    Ok(model)
+    Ok((model, looks.noise()))
 }
 
 /// Refuses a rig whose opening pulses, which chose the longest sustain, carried coins differently than the closing
@@ -141,13 +151,13 @@ pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<SteeringMotion> 
 /// Plays one pulse and measures every coin. Plays nothing, and has no samples, where a coin could go over the edge.
 fn pulse(
     session: &mut CalibrationSession<'_>,
-    perception: &mut Perception,
+    looks: &mut Looks,
     library: &Library,
     params: &CalibrationParams,
     (entry, reversed): (usize, bool),
     (sustain, sustain_s): (usize, f64),
 ) -> Result<Vec<DisplacementSample>, CalibrationFault> {
-    let before = observe_at_rest(session, perception)?;
+    let before = looks.again(session)?;
     let (Some(motion), Some(drive)) = (library.entries.get(entry), library.drive(entry, sustain_s)) else {
         return Ok(Vec::new());
     };
@@ -161,15 +171,36 @@ fn pulse(
     session.rig.play(&if reversed { drive.reversed() } else { drive })?;
     while session.rig.now() < session.rig.settled_at() {
         session.stop_check()?;
-        into_result(perception.observe(&mut session.io(&mut SilentSink), FramePurpose::Pulse))?;
+        into_result(looks.perception.observe(&mut session.io(&mut SilentSink), FramePurpose::Pulse))?;
     }
-    let after = observe_at_rest(session, perception)?;
+    let after = observe_at_rest(session, &mut looks.perception)?;
     let sample = |(a, b): (&Vec2, &Vec2)| {
         let middle = 0.5 * (a + b);
         let distance_m = (b - a).dot(&pump.direction_at(middle));
         DisplacementSample { speed_mps: pump.velocity_at(middle).norm(), sustain, distance_m }
     };
-    Ok(before.iter().zip(&after).map(sample).collect())
+    let samples = before.iter().zip(&after).map(sample).collect();
+    looks.last_m = after;
+    Ok(samples)
+}
+
+impl Looks {
+    /// Looks once more at coins that rest where they were last seen.
+    fn again(&mut self, session: &mut CalibrationSession<'_>) -> Result<Vec<Vec2>, CalibrationFault> {
+        let places_m = observe_at_rest(session, &mut self.perception)?;
+        let apart_m2 = self.last_m.iter().zip(&places_m).map(|(last, place)| (place - last).norm_squared());
+        self.places_m2 = (self.places_m2.0 + apart_m2.sum::<f64>(), self.places_m2.1 + 2 * self.last_m.len());
+        let corner_px = self.perception.corner_px().unwrap_or(0.0);
+        self.corners_px2 = (self.corners_px2.0 + corner_px * corner_px, self.corners_px2.1 + 1);
+        self.last_m.clone_from(&places_m);
+        Ok(places_m)
+    }
+
+    /// Half of the variance of a difference is that of one look.
+    fn noise(&self) -> CameraNoise {
+        let mean = |(sum, count): (f64, usize)| sum / count.max(1) as f64;
+        CameraNoise { corner_px: mean(self.corners_px2).sqrt(), place_m: (0.5 * mean(self.places_m2)).sqrt() }
+    }
 }
 
 fn observe_at_rest(

@@ -16,7 +16,7 @@ pub(super) const LATE: usize = 2;
 const KEPT: usize = 64 + LONGEST;
 /// Larger displacements are clamped to this, px: the sides are followed no farther.
 const FARTHEST_PX: f64 = 6.0;
-/// Standard deviation of a corner's displacement by the picture's noise, px.
+/// Standard deviation of a corner's displacement by the picture's noise where calibration has not measured it, px.
 pub(super) const NOISE_PX: f64 = 0.05;
 /// Standard deviation of the swing that calibration predicts, as a share of its root mean square, until a run shows it.
 const MODEL_ERROR: f64 = 0.1;
@@ -29,6 +29,8 @@ const DOUBTFUL: f64 = 4.6;
 pub struct DelayGuard {
     frame_s: f64,
     limit: f64,
+    /// Standard deviation of a corner's displacement by the picture's noise, px.
+    pub noise_px: f64,
     /// Most evidence so far for any delay, or for another motion than the drive's.
     pub most: f64,
     /// Displacement of the corners seen and expected in the last frames, px, newest first; frames that never arrived
@@ -64,7 +66,7 @@ pub struct PlateSwing {
 impl DelayGuard {
     /// A guard for a camera of this frame rate, and the evidence, summed over pulses, at which pictures are late.
     pub fn new(frame_hz: f64, limit: f64) -> Self {
-        Self { frame_s: frame_hz.recip(), limit, ..Self::default() }
+        Self { frame_s: frame_hz.recip(), limit, noise_px: NOISE_PX, ..Self::default() }
     }
 
     /// A pulse begins at `at_s` of plate time; the plate should swing as `swing`.
@@ -112,7 +114,7 @@ impl DelayGuard {
         let counted = || self.seen().filter(|(_, _, expected)| *expected < FARTHEST_PX);
         let expected: f64 = counted().map(|(_, _, expected)| expected * expected).sum();
         let left: f64 = counted().map(|(_, seen, expected)| (seen - expected).powi(2)).sum();
-        let is_clear = shows_height(expected, counted().count());
+        let is_clear = self.shows_height(expected, counted().count() as f64);
         match left / expected {
             share if is_clear && share < SLIGHT * SLIGHT => Some(PulseOutcome::AsPlanned),
             share if is_clear && share > GROSS * GROSS => Some(PulseOutcome::Otherwise),
@@ -164,14 +166,13 @@ impl DelayGuard {
         let in_time_px2 = (-1..LATE as isize).map(|delay| left_px2(&shown(delay))).fold(f64::INFINITY, f64::min);
         let late: [_; NEVER + 1] =
             std::array::from_fn(|delay| if delay < NEVER { shown(delay as isize) } else { shown(0) * 0.0 });
-        // errors of the model are alike in all frames of a pulse, and as large as earlier pulses showed them
         // where both are as far as the sides are followed, a frame shows neither height of the swing nor error of the
         // model
         let open = || late[0].iter().zip(seen.iter()).filter(|(shown, seen)| shown.min(**seen) < FARTHEST_PX);
-        let (frames, swing_px2) = (open().count(), open().map(|(shown, _)| shown * shown).sum::<f64>());
-        let count = frames as f64;
+        let (count, swing_px2) = (open().count() as f64, open().map(|(shown, _)| shown * shown).sum::<f64>());
+        // errors of the model are alike in all frames of a pulse, and as large as earlier pulses showed them
         let share = (MODEL_ERROR * MODEL_ERROR + self.unexplained.0) / (1.0 + self.unexplained.1);
-        let usual_px2 = count * NOISE_PX * NOISE_PX + share * swing_px2;
+        let usual_px2 = count * self.noise_px * self.noise_px + share * swing_px2;
         let left: [f64; NEVER + 1] = late.each_ref().map(left_px2);
         let evidence = std::array::from_fn(|delay| {
             let [in_time_px2, late_px2] = [in_time_px2, left[delay]].map(|px2| px2 + usual_px2);
@@ -183,14 +184,14 @@ impl DelayGuard {
         let best_px2 = left[LATE..NEVER].iter().copied().fold(in_time_px2, f64::min);
         // of many delays one fits better by chance: up to the usual error of models the pictures are in time
         let left_px2 = in_time_px2.min(best_px2.max(MODEL_ERROR * MODEL_ERROR * swing_px2));
-        (evidence, shows_height(swing_px2, frames).then(|| (left_px2 / swing_px2).min(1.0)))
+        (evidence, self.shows_height(swing_px2, count).then(|| (left_px2 / swing_px2).min(1.0)))
     }
-}
 
-/// True for a swing whose height this number of frames shows: noise alone leaves less of its squares than a swing as
-/// planned may.
-fn shows_height(swing_px2: f64, frames: usize) -> bool {
-    frames as f64 * NOISE_PX * NOISE_PX < SLIGHT * SLIGHT * swing_px2
+    /// True for a swing whose height this number of frames shows: noise alone leaves less of its squares than a swing
+    /// as planned may.
+    fn shows_height(&self, swing_px2: f64, frames: f64) -> bool {
+        frames * self.noise_px * self.noise_px < SLIGHT * SLIGHT * swing_px2
+    }
 }
 
 impl PlateSwing {

@@ -72,7 +72,7 @@ impl Freshness {
             pixels.extend(discs.flat_map(|disc| disc.center_px.iter()).flat_map(|px| px.to_le_bytes()));
             // black or white shows no noise
             let is_uniform = pixels.iter().all(|pixel| Some(pixel) == pixels.first());
-            if let Some(last) = seen.back().filter(|_| !*is_noisy) {
+            if let Some(last) = seen.front().filter(|_| !*is_noisy) {
                 let differing = pixels.iter().zip(last).filter(|(pixel, before)| pixel != before).count();
                 // noise differs in most pixels, a moving plate along its sides only
                 let least = if seen.len() == 1 || frame.positions.is_some() { 0 } else { pixels.len() / 2 };
@@ -80,10 +80,8 @@ impl Freshness {
                 self.changed |= differing > 0;
             }
             repeated |= *is_noisy && !is_uniform && seen.contains(&pixels);
-            if seen.len() == REMEMBERED {
-                seen.pop_front();
-            }
-            seen.push_back(pixels);
+            seen.truncate(REMEMBERED - 1);
+            seen.push_front(pixels);
         }
         repeated
     }

@@ -312,9 +312,9 @@ impl<'a> PulseJudge<'a> {
 
     /// True when noise exceeds the planned motion in every harmonic.
     fn is_drowned(&self) -> bool {
-        let [planned, variance] = [&self.planned, &self.variance].map(|of| of.as_slice().chunks(COEFFICIENTS));
-        planned
-            .zip(variance)
+        let harmonics = self.planned.as_slice().chunks(COEFFICIENTS).zip(self.variance.as_slice().chunks(COEFFICIENTS));
+        harmonics
+            .into_iter()
             .all(|(planned, variance)| planned.iter().map(|a| a * a).sum::<f64>() < variance.iter().sum())
     }
 

@@ -67,7 +67,7 @@ impl Library {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cor_library::{AxisShape, DisplacementModel, FieldResponse, PlateResponse, drive_for};
+    use crate::cor_library::{AxisShape, FieldResponse, PlateResponse, drive_for, testing};
     use proptest::prelude::*;
     use upm_core::geometry::Twist;
     use upm_core::signal::MotorArrangement::Around;
@@ -85,17 +85,13 @@ mod tests {
         };
         let response = |k: f64| twist_from_counts.map(|gain| Complex::new(0.3, -1.0) * (gain / k));
         Library {
-            rig: String::new(),
-            fingerprint: String::new(),
             motor_arrangement: Around,
             plate_side_m: 0.3,
             base_radps: BASE_RADPS,
             attack_s: 0.03,
             rest_s: 0.04,
-            accelerometer_gain: [1.0; 4],
             shapes,
             entries: amplitudes.iter().map(entry).collect(),
-            displacement: DisplacementModel::default(),
             fields: Some(FieldResponse {
                 base_radps: BASE_RADPS,
                 attack_s: 0.03,
@@ -103,7 +99,7 @@ mod tests {
                 limit_counts: 2047.0,
                 twist_from_counts: [1.0, 2.0, 3.0].map(response).to_vec(),
             }),
-            plate: None,
+            ..testing::library([])
         }
     }
 

@@ -19,6 +19,7 @@ pub fn library(pumps: impl IntoIterator<Item = Twist>) -> Library {
         shapes: [AxisShape::FREE_MASS; 3],
         entries: pumps.into_iter().map(|pump| Entry { amplitudes: [100, -100, 0, 0], pump }).collect(),
         displacement: DisplacementModel::default(),
+        camera_noise: None,
         fields: None,
         plate: None,
     }

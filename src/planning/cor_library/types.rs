@@ -21,6 +21,8 @@ const MOST_SHAPE: f64 = 1e3;
 const MOST_SPEED_MM_S: f64 = 1e5;
 const MOST_SPIN_RAD_S: f64 = 1e4;
 const MOST_DISTANCE_MM: f64 = 1e3;
+/// Noise of a camera that shows nothing, px or mm.
+const MOST_NOISE: f64 = 10.0;
 /// Fewest entries with which a part can be steered.
 const MIN_ENTRIES: usize = 3;
 /// Range of the count limit of a waveform generator.
@@ -131,6 +133,9 @@ pub struct Library {
     pub entries: Vec<Entry>,
     /// Measured distances of parts.
     pub displacement: DisplacementModel,
+    /// Noise of the camera; null or left out in a library from before it was measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera_noise: Option<CameraNoise>,
     /// Response of the plate to synthesised motions; null or left out where the rig has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fields: Option<FieldResponse>,
@@ -151,6 +156,19 @@ pub struct PlateResponse {
     #[serde(with = "axes")]
     #[schemars(with = "PerAxis", transform = limit_axes(DAMPING_RATIO))]
     pub damping_ratio: [f64; 3],
+}
+
+/// Standard deviations of what the camera measures of a plate at rest.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CameraNoise {
+    /// Displacement of the plate's corners, px.
+    #[serde(with = "six_decimals")]
+    #[schemars(with = "f64", range(min = 0.0, max = MOST_NOISE))]
+    pub corner_px: f64,
+    /// Place of a coin along an axis.
+    #[serde(rename = "place_mm", with = "mm")]
+    #[schemars(with = "f64", range(min = 0.0, max = MOST_NOISE))]
+    pub place_m: f64,
 }
 
 /// Response of the plate to each harmonic of the synthesised motions' base frequency.

@@ -129,13 +129,17 @@ fn refusal(alteration: Alteration, from_s: f64) -> CalibrationFault {
 
 /// "Kinematically equivalent" (UPM paper, section 3.1).
 #[test]
-fn libraries_of_both_motor_arrangements_differ_in_signs_alone() {
+fn libraries_of_both_motor_arrangements_differ_in_signs_alone_and_know_the_noise() {
     let [around, mut beside] =
         MotorArrangement::ALL.map(|arrangement| made_with(arrangement, Alteration::Nothing, 0.0).unwrap());
     for entry in &mut beside.entries {
         let [x1, x2, y1, y2] = entry.amplitudes;
         entry.amplitudes = [x1, -x2, y1, -y2];
     }
+    // positions without pixels have a stated noise
+    let (camera, found) = (small().0.sim.camera, around.camera_noise.unwrap());
+    let place_px = found.place_m * camera.focal_px / camera.position_m.z;
+    assert!((place_px / 0.0055 - 1.0).abs() < 0.1, "{found:?}");
     assert_eq!(Library { motor_arrangement: MotorArrangement::Around, ..beside }, around);
 }
 
