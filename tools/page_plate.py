@@ -24,7 +24,7 @@ def end_all(checks, daemon, plate):
 
 def check_sights(checks, page, daemon):
     for seed in range(40):
-        daemon.submit(job("sort-12", "upm-2", seed=seed + 1))
+        daemon.submit(job("sort-12", "upm-2", seed=seed + 1, planner="cor_sequence"))
     daemon.submit(job("plus-sign-endless", "upm-1"))
     page.goto(daemon.url)
     one, endless = card(page, "upm-2"), card(page, "upm-1")

@@ -83,9 +83,8 @@ impl<'de> Visitor<'de> for Walk<'_> {
 
     fn visit_f64<E: Error>(self, value: f64) -> Result<Value, E> {
         let whole = if value < 0.0 { Value::from(value as i64) } else { Value::from(value as u64) };
-        // 2⁶⁴ is beyond, and -0 keeps its sign
-        let fits = value < u64::MAX as f64 && (value != 0.0 || value.is_sign_positive());
-        Ok(if fits && whole.as_f64() == Some(value) { whole } else { value.into() })
+        // 2⁶⁴ is beyond
+        Ok(if value < u64::MAX as f64 && whole.as_f64() == Some(value) { whole } else { value.into() })
     }
 
     fn visit_str<E: Error>(self, value: &str) -> Result<Value, E> {
@@ -119,7 +118,7 @@ mod tests {
     #[test]
     fn whole_numbers_are_integers_however_they_are_written() {
         let read = |text: &str| value_of(text, &mut Diagnostics::of("f")).unwrap().to_string();
-        assert_eq!(read("\u{feff}[2.0, 2e3, -4.00, 2.5, -0.0, 1e300]"), "[2,2000,-4,2.5,-0.0,1e+300]");
+        assert_eq!(read("\u{feff}[2.0, 2e3, -4.00, 2.5, -0.0, 1e300]"), "[2,2000,-4,2.5,0,1e+300]");
         let large = "[18446744073709549568.0, 1e19, 18446744073709551616, -9223372036854775808.0, -1e19]";
         let whole = "[18446744073709549568,10000000000000000000,1.8446744073709552e+19,-9223372036854775808,-1e+19]";
         assert_eq!(read(large), whole);

@@ -143,7 +143,7 @@ mod tests {
             assert_eq!(made.err(), None, "{}", example["name"]);
         }
         let of = |name: &str| examples.iter().find(|example| example["name"] == name)?["what"].as_str();
-        assert_eq!(of("sort-12"), Some("sort, 12 parts, cor_sequence"));
+        assert_eq!(of("sort-12"), Some("sort, 12 parts"));
         assert_eq!(of("plus-sign"), Some("plus sign, 1 part"));
         assert_eq!(of("sort-8-fields"), Some("sort, 8 parts, synthesized_field"));
     }

@@ -26,15 +26,15 @@ pub(super) fn verify(args: &RunFolderArgs, common: Common) -> Result<u8, Failure
     }
     let verdict = verdict.map_err(|error| run_failure(&error))?;
     if common.json {
-        print_json(&as_json(&verdict))?
+        print_json(&as_json(&run, &verdict))?
     } else {
         print_verdict(&run, &verdict)?
     }
     Ok(if matches!(verdict, Verification::Equal { .. }) { 0 } else { NOT_REACHED })
 }
 
-fn as_json(verdict: &Verification) -> Value {
-    match verdict {
+fn as_json(run: &Path, verdict: &Verification) -> Value {
+    let mut told = match verdict {
         Verification::Equal { lines, extent } => {
             let [stopped, killed] = [Extent::Stopped, Extent::Killed].map(|of| of == *extent);
             json!({ "equal": true, "lines": lines, "stopped": stopped, "killed": killed })
@@ -44,7 +44,9 @@ fn as_json(verdict: &Verification) -> Value {
             let key = key.as_ref().map(|(key, _)| key);
             json!({ "equal": false, "line": line, "key": key, "recorded": recorded, "repeated": repeated })
         }
-    }
+    };
+    (told["made_by"], told["this"]) = (maker_of(run).into(), maker().into());
+    told
 }
 
 fn print_verdict(run: &Path, verdict: &Verification) -> Result<(), Failure> {

@@ -80,7 +80,7 @@ impl Maker<'_> {
         let fitting: Vec<i128> = all.into_iter().filter(|whole| (low..=high).contains(whole)).collect();
         let whole = self.pick(&fitting);
         if self.rng.random_bool(0.3) && whole as f64 as i128 == whole {
-            return (whole as f64).into();
+            return if whole == 0 { -0.0 } else { whole as f64 }.into();
         }
         u64::try_from(whole).map_or_else(|_| (whole as i64).into(), Value::from)
     }
