@@ -10,6 +10,7 @@ mod multi_disc;
 mod path_follower;
 mod plus_sign;
 mod routes;
+mod sequence;
 mod slots;
 mod sort;
 mod space_time_astar;
@@ -22,6 +23,7 @@ pub use hold::{Hold, HoldParams};
 pub use least_effort::Effort;
 pub use path_follower::{Motions, PlateScene};
 pub use plus_sign::{PlusSign, PlusSignParams};
+pub use sequence::Sequence;
 pub use sort::{BinParams, Sort, SortParams};
 pub use trajectories::{PathParams, Trajectories, TrajectoriesParams};
 
@@ -121,6 +123,12 @@ pub trait Task {
 
     /// Returns the output for the parts' present positions. Called once per cycle, in order of time.
     fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints;
+
+    /// Begins the next of several tasks with parts at rest there, once [`Task::next`] says that the present one is
+    /// complete; false where it was the last.
+    fn go_on(&mut self, _parts_in_table_m: &[Vec2]) -> bool {
+        false
+    }
 }
 
 /// Radius of a US penny, m.

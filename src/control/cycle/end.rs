@@ -44,15 +44,16 @@ impl ControlCycle<'_, '_> {
         }
     }
 
-    /// Ends the run as completed if two more observations, with the table located anew, confirm the goal; otherwise the
-    /// run goes on from the positions these observations show.
+    /// Ends the run as completed if two more observations, with the table located anew, confirm the goal of its last
+    /// task; otherwise the run goes on, with the next task where there is one, from the positions these observations
+    /// show.
     pub(super) fn finish(&mut self, reason: String) -> OrEnd<Vec<Vec2>> {
         self.check_limits()?;
         if self.perception.confirm(self.io)? {
             // motion of parts while the plate swings out counts, too
             let (at, places_m) = (self.perception.seen_at(), self.perception.positions_m());
             if self.task.next(at, &places_m).done {
-                return Break(RunEnd::completed(reason));
+                return if self.task.go_on(&places_m) { Continue(places_m) } else { Break(RunEnd::completed(reason)) };
             }
         }
         self.unconfirmed += 1;

@@ -186,8 +186,8 @@ pub enum Assignment {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PlannerChoice {
-    /// The planner that suits rig and parts: `synthesized_field` where the rig has `fields` and the job two parts or
-    /// more, else `cor_sequence`.
+    /// The planner that suits rig and task: where the rig has `fields`, `moving_field` for `arrange` and `sort`, and
+    /// `synthesized_field` for other jobs of two parts or more; else `cor_sequence`.
     #[default]
     Auto,
     /// Rotations about measured centres, one after another. Works on every rig that has a library.
@@ -195,8 +195,8 @@ pub enum PlannerChoice {
     /// One motion of many harmonics a cycle, which moves every part its own step at once. Asks for a rig with `fields`;
     /// much faster than rotations with several parts.
     SynthesizedField,
-    /// Such motions one after another without a pause: the parts keep the speed that they have won. For `arrange` and
-    /// `sort` on a rig with `fields`.
+    /// Such motions one after another without a pause: the parts keep the speed that they have won. For `arrange`,
+    /// `sort` and `trajectories` on a rig with `fields`.
     MovingField,
     /// The papers' plain method, for comparison: fixed centres, the ideal field, the pseudo-inverse.
     PseudoInverse,
