@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::faults::FaultList;
 use super::read::NAME_PATTERN;
@@ -68,7 +68,7 @@ pub enum LibraryRef {
     File(PathBuf),
     /// The library itself.
     #[schemars(title = "library")]
-    Inline(#[schemars(with = "Library")] Map<String, Value>),
+    Inline(#[schemars(with = "Library")] Value),
 }
 
 /// Parts of one kind.
