@@ -57,7 +57,7 @@ fn main() -> Result<(), RunError> {
     let report = InMemoryRun::new(&job)?.with_task(circle).run();
 
     println!("{}: {}", report.outcome.code(), report.reason);
-    println!("{:.1} s of plate time, {} pulses", report.plate_time_s, report.pulses);
+    println!("{:.1} s of plate time, {} pulses", report.plate_time_s, report.work.pulses);
     for part in &report.parts {
         let [x_mm, y_mm] = part.true_mm.unwrap_or_default();
         println!("{:>8} at {x_mm:7.2}, {y_mm:7.2} mm, {:.1} mm from the centre", part.id, x_mm.hypot(y_mm));

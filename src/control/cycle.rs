@@ -241,6 +241,7 @@ impl ControlCycle<'_, '_> {
             plan,
             ended_at: self.perception.seen_at(),
             result_m: result.clone(),
+            ends_at_rest: true,
             plan_us,
             cycle_us,
         });

@@ -104,6 +104,8 @@ pub struct CycleFacts {
     pub ended_at: PlateTime,
     /// Positions measured then, m.
     pub result_m: Vec<Vec2>,
+    /// True for a cycle that ends with all parts at rest; they may still move after a segment without a pause.
+    pub ends_at_rest: bool,
     /// Wall time planning took, µs; 0 when no clock runs.
     pub plan_us: f64,
     /// Wall time the whole cycle took, µs; 0 when no clock runs.

@@ -1,4 +1,5 @@
 mod first_observation;
+mod missing;
 mod motion;
 mod naming;
 mod relocate;
@@ -8,9 +9,10 @@ mod settling;
 use std::ops::ControlFlow::{Break, Continue};
 
 use self::first_observation::find_table;
+use self::missing::MissingParts;
 use self::naming::name_parts;
 use self::scene::{SceneMonitor, longest_s};
-use self::settling::{PlateInImage, SWING_S};
+use self::settling::{Displacement, PlateInImage, SwingOut};
 use super::findings::Findings;
 use super::guards::{DelayGuard, Guards, Unusable};
 use super::run_end::{OrEnd, RunEnd, flow};
@@ -32,16 +34,10 @@ const BLIND_FRAMES: f64 = 3.0;
 const BLIND_S: f64 = 0.1;
 /// Number of consecutive observations at rest that must show a foreign object.
 const FOREIGN: u32 = 2;
-/// Number of frames that must lack a part before frames that never arrived count, too.
-const LEAST_OBSERVATIONS: u32 = 5;
 /// Distance beyond the edge from which on a part's centre is off the plate, m: more than the plate's swing.
 const EDGE_M: f64 = 1e-3;
-/// Longest time that a plate may swing on after a pulse that was cut short, s, and the displacement above which it is
-/// seen to swing, px.
-const LONGEST_SWING_S: f64 = 2.0;
+/// Displacement above which a plate is seen to swing on after a pulse that was cut short, px.
 const SWINGS_PX: f64 = 0.4;
-/// Time without such a displacement after which it is still, s: half of the slowest swing.
-const QUIET_SWING_S: f64 = 0.12;
 
 /// Tolerance for a part's place, m, independent of its displacement.
 const REACH_M: f64 = 3e-3;
@@ -67,23 +63,16 @@ pub struct Perception {
     guards: Guards,
     kinds: Vec<PartKind>,
     model: RigModel,
-    blind_after_s: f64,
     /// Time since which nothing can be seen, and the first finding.
     blind: Option<(PlateTime, Finding)>,
     /// True when the last pulse was silenced because the view, or a part, was lost.
     pub(crate) motors_stopped: bool,
-    /// Time at which the plate is expected to have swung out after a silenced pulse, and the latest such time.
-    still_from: PlateTime,
-    still_by: PlateTime,
-    displaced: u32,
-    displaced_px: f64,
+    swing_out: SwingOut,
+    displaced: Displacement,
+    /// Number of consecutive observations at rest that show a foreign object.
     foreign: u32,
-    /// Number of frames of the present that showed the plate without a part, those that never arrived included, and the
-    /// number of those that did arrive.
-    missing: (f64, u32),
+    missing: MissingParts,
     observed_at: PlateTime,
-    /// Number of consecutive frames that show a part off the plate.
-    off_plate: u32,
     /// True when the table was located anew since the last pulse began: its frames are no evidence about that pulse.
     pub(crate) relocated: bool,
     /// Expected place of each part when it is next seen at rest, and the tolerance, m.
@@ -116,17 +105,13 @@ impl Perception {
             guards,
             kinds: kinds.to_vec(),
             model: model.clone(),
-            blind_after_s: (BLIND_FRAMES / model.frame_hz).min(BLIND_S.max(1.5 / model.frame_hz)),
             blind: None,
             motors_stopped: false,
-            still_from: PlateTime::default(),
-            still_by: PlateTime::default(),
-            displaced: 0,
-            displaced_px: 0.0,
+            swing_out: SwingOut::default(),
+            displaced: Displacement::default(),
             foreign: 0,
-            missing: (0.0, 0),
+            missing: MissingParts::default(),
             observed_at: PlateTime::default(),
-            off_plate: 0,
             relocated: false,
             expected_m,
             delay: DelayGuard::new(model.frame_hz, guards.limits(parts.len()).late_limit),
@@ -143,9 +128,10 @@ impl Perception {
         flow(io.rig.capture(&mut self.frame))?;
         let swing_px = self.scene.swing_px(&self.frame);
         if swing_px.is_some_and(|px| px > SWINGS_PX) {
-            self.still_from = self.still_from.max((self.frame.exposed_at + QUIET_SWING_S).min(self.still_by));
+            self.swing_out.swings_at(self.frame.exposed_at);
         }
-        let at_rest = self.frame.exposed_at - io.rig.settled_at().max(self.still_from) >= 0.5 * self.model.exposure_s;
+        let at_rest =
+            self.frame.exposed_at - io.rig.settled_at().max(self.swing_out.from) >= 0.5 * self.model.exposure_s;
         let start = io.clock.elapsed();
         let stale = self.stale(io.rig.now(), swing_px);
         if stale.is_some() {
@@ -176,16 +162,16 @@ impl Perception {
             self.settle_foreign(io.sink)?;
             self.settle_place(&place, io)?;
         }
-        self.off_plate =
-            if self.tracker.tracks().iter().any(|track| self.is_off_plate(track)) { self.off_plate + 1 } else { 0 };
+        let is_off_plate = self.tracker.tracks().iter().any(|track| self.is_off_plate(track));
+        self.missing.off_plate = if is_off_plate { self.missing.off_plate + 1 } else { 0 };
         let frames = self.frame.exposed_at.secs_since(self.observed_at) * self.model.frame_hz;
         // a time stamp in the future must not stop the count
         self.observed_at = self.observed_at.max(self.frame.exposed_at.min(io.rig.now()));
-        self.missing = match (self.frames_missing(), swing_px) {
-            (0, _) => (0.0, 0),
-            (_, Some(_)) => (self.missing.0 + frames.max(0.0), self.missing.1 + 1),
-            (_, None) => self.missing,
-        };
+        match (self.frames_missing(), swing_px) {
+            (0, _) => self.missing.clear(),
+            (_, Some(_)) => self.missing.count(frames),
+            (_, None) => {}
+        }
         if is_plain {
             self.check_jumps(io.sink)?;
             self.expected_m = self.positions_m().into_iter().map(|place_m| (place_m, REACH_M)).collect();
@@ -224,7 +210,8 @@ impl Perception {
         let blind_from = self.frame.exposed_at.max(self.observed_at).min(now);
         let (since, _) = *self.blind.get_or_insert((blind_from, finding));
         let for_s = now.secs_since(since);
-        if for_s + 1e-9 >= self.blind_after_s {
+        let frame_hz = self.model.frame_hz;
+        if for_s + 1e-9 >= (BLIND_FRAMES / frame_hz).min(BLIND_S.max(1.5 / frame_hz)) {
             self.stop_motors(io.rig);
             self.findings.note(now, finding, why.clone(), io.sink);
         }
@@ -252,7 +239,7 @@ impl Perception {
         if rig.settled_at() > rig.now() && !self.motors_stopped {
             rig.stop();
             self.motors_stopped = true;
-            (self.still_from, self.still_by) = (rig.now() + SWING_S, rig.now() + LONGEST_SWING_S);
+            self.swing_out = SwingOut::after_stop_at(rig.now());
         }
     }
 
@@ -282,7 +269,7 @@ impl Perception {
     /// Number of frames for which the longest missing part has been missing; 0 when the newest frame shows all on the
     /// plate.
     pub fn frames_missing(&self) -> u32 {
-        self.tracker.tracks().iter().map(|track| track.frames_unseen).fold(self.off_plate, u32::max)
+        self.tracker.tracks().iter().map(|track| track.frames_unseen).fold(self.missing.off_plate, u32::max)
     }
 
     /// True for a part whose centre is beyond the edge: it has fallen, or is about to.
@@ -293,8 +280,7 @@ impl Perception {
     /// Number of frames, those that never arrived included, since frames of the present with an unobstructed view lack
     /// a part.
     pub fn frames_missing_in_clear_view(&self) -> u32 {
-        let (frames, came) = self.missing;
-        if came < LEAST_OBSERVATIONS { came } else { frames.round() as u32 }
+        self.missing.frames()
     }
 
     /// Largest displacement of the plate's corners in the newest frame, px; `None` where it does not show them.

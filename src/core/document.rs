@@ -12,4 +12,4 @@ pub use diagnostic::{
 };
 pub use file_kind::Document;
 pub use json_value::pretty;
-pub use read::{MOST_BYTES, parse, parse_and_build, reason, schema_of, text_of, text_within};
+pub use read::{MOST_BYTES, parse, parse_and_build, read, reason, schema_of, text_of, text_within};

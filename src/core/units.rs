@@ -32,6 +32,11 @@ pub fn thousandths<const NUMBER: u32>() -> f64 {
     f64::from(NUMBER) / 1e3
 }
 
+/// A length, m, as the default of one in a file: `#[serde(default = "micrometres::<500>")]` is half a millimetre.
+pub fn micrometres<const NUMBER: u32>() -> f64 {
+    m_from_mm(thousandths::<NUMBER>())
+}
+
 /// A module for `#[serde(with = ...)]`: how a value in a file becomes the quantity, and back.
 #[macro_export]
 macro_rules! file_form {
@@ -84,6 +89,10 @@ pub fn written_hertz(radps: f64) -> f64 {
 file_form!(
     /// Metres, in a file millimetres.
     mm: f64 => f64, m_from_mm, |m| written_mm(*m)
+);
+file_form!(
+    /// Kilograms, in a file grams.
+    grams: f64 => f64, |g| g * 1e-3, |kg| written(*kg, kg * 1e3, |g| g * 1e-3)
 );
 file_form!(
     /// A point, m, in a file mm.

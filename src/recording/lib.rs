@@ -29,8 +29,8 @@ pub use motion::MotionRecord;
 pub use options::{RecordingOptions, WriterStatus};
 pub use outline::outline_px;
 pub use report::{
-    CycleError, FaultEntry, FaultValue, GuardReport, PacingReport, PartReport, PathReport, PlannerReport,
-    PredictionError, Report, SelectedBy, StopReport, Verdict, report_schema,
+    AccuracyReport, CycleError, FaultEntry, FaultValue, GuardReport, IncidentReport, PacingReport, PartReport,
+    PathReport, PlannerReport, PredictionError, Report, SelectedBy, StopReport, Verdict, WorkReport, report_schema,
 };
 pub use rerun_mode::RerunMode;
 pub use run_stats::RunStats;

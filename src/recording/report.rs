@@ -36,59 +36,28 @@ pub struct Report {
     pub plate_time_s: f64,
     /// Duration of the run by the computer's clock, s.
     pub wall_time_s: f64,
-    /// Frames tracked.
-    pub frames: u64,
-    /// Cycles ended.
-    pub cycles: u64,
-    /// Pulses played in the run, those of probes included.
-    pub pulses: u64,
-    /// Laps completed.
-    pub laps: u32,
-    /// Contacts between parts; `None` on a rig without ground truth.
-    pub collisions: Option<u64>,
-    /// Number of parts that were missing for so long that the run ended.
-    pub lost_parts: usize,
+    /// Its extent.
+    #[serde(flatten)]
+    pub work: WorkReport,
     /// How plate time kept to the clock; `None` for a run at full speed.
     #[serde(flatten)]
     pub pacing: Option<PacingReport>,
-    /// Largest distance of a part from its target at the end, from truth where there is one; `None` without targets.
-    pub max_error_mm: Option<f64>,
-    /// Root mean square of those distances.
-    pub rms_error_mm: Option<f64>,
-    /// Their mean: the error E of the UPM paper (Eq. 3) for the whole run.
-    pub mean_error_mm: Option<f64>,
-    /// The same error of each cycle; `None` without a cycle.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub cycle_error_mm: Option<CycleError>,
-    /// Root mean square distance of measured from true positions over every frame that shows the part; `None` without
-    /// truth.
-    pub sensing_rms_error_mm: Option<f64>,
-    /// The same over frames taken at rest alone.
-    pub sensing_rms_error_at_rest_mm: Option<f64>,
+    /// Distances from targets, subgoals, true and forecast positions.
+    #[serde(flatten)]
+    pub accuracy: AccuracyReport,
     /// Parts against their paths.
     #[serde(flatten)]
     pub path: PathReport,
-    /// Distances of measured from forecast positions after pulses; `None` without a pulse.
-    pub prediction_error_mm: Option<PredictionError>,
     /// Every part, in the order of the job.
     pub parts: Vec<PartReport>,
     /// Durations, µs of wall time.
     pub timing_us: TimingsReport,
-    /// Guards that fired, in the order in which they did.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub guards: Vec<GuardReport>,
+    /// Guards, faults and warnings.
+    #[serde(flatten)]
+    pub incidents: IncidentReport,
     /// How near the run came to the findings that rest on chance; `None` when it never began.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evidence: Option<Evidence>,
-    /// Faults of the simulated rig that began within the run.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub faults: Vec<FaultEntry>,
-    /// Why its recording does not hold the whole run.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub recording: Option<String>,
-    /// Problems beside the run itself: a recording that does not hold all of it.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub warnings: Vec<String>,
 }
 
 impl Report {
@@ -101,6 +70,61 @@ impl Report {
 /// The JSON Schema (draft 2020-12) of `report.json`.
 pub fn report_schema() -> Value {
     schema_of::<Report>().clone()
+}
+
+/// Extent of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct WorkReport {
+    /// Frames tracked.
+    pub frames: u64,
+    /// Cycles ended.
+    pub cycles: u64,
+    /// Pulses played in the run, those of probes included.
+    pub pulses: u64,
+    /// Laps completed.
+    pub laps: u32,
+    /// Contacts between parts; `None` on a rig without ground truth.
+    pub collisions: Option<u64>,
+    /// Number of parts that were missing for so long that the run ended.
+    pub lost_parts: usize,
+}
+
+/// Distances of parts from where they should be, or were taken to be.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct AccuracyReport {
+    /// Largest distance of a part from its target at the end, from truth where there is one; `None` without targets.
+    pub max_error_mm: Option<f64>,
+    /// Root mean square of those distances.
+    pub rms_error_mm: Option<f64>,
+    /// Their mean: the error E of the UPM paper (Eq. 3) for the whole run.
+    pub mean_error_mm: Option<f64>,
+    /// The same error of each cycle that ends at rest; `None` without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cycle_error_mm: Option<CycleError>,
+    /// Root mean square distance of measured from true positions over every frame that shows the part; `None` without
+    /// truth.
+    pub sensing_rms_error_mm: Option<f64>,
+    /// The same over frames taken at rest alone.
+    pub sensing_rms_error_at_rest_mm: Option<f64>,
+    /// Distances of measured from forecast positions after pulses; `None` without a pulse.
+    pub prediction_error_mm: Option<PredictionError>,
+}
+
+/// Guards that fired, faults that began, and problems beside the run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct IncidentReport {
+    /// Guards that fired, in the order in which they did.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub guards: Vec<GuardReport>,
+    /// Faults of the simulated rig that began within the run.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<FaultEntry>,
+    /// Why its recording does not hold the whole run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub recording: Option<String>,
+    /// Problems beside the run itself: a recording that does not hold all of it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
 }
 
 /// How plate time kept to the clock.

@@ -229,12 +229,12 @@ impl Session<'_> {
             add_write_failure(&mut finish.ending, error);
         }
         let mut report = stats.report(ending(job, Some(setup), finish, wall_time_s));
-        report.recording = options.recording_options.recording.ended_early();
-        report.warnings = job.warnings.iter().map(ToString::to_string).chain(warning).collect();
+        report.incidents.recording = options.recording_options.recording.ended_early();
+        report.incidents.warnings = job.warnings.iter().map(ToString::to_string).chain(warning).collect();
         report.pacing = options.real_time.then(|| controls.pacing.report(missed_before));
         report.verdict = verdict(job, &report);
         let reported = folder.write_json(folder::REPORT_FILE, &report);
-        report.warnings.extend(reported.as_ref().err().map(ToString::to_string));
+        report.incidents.warnings.extend(reported.as_ref().err().map(ToString::to_string));
         Ok((RunResult { folder: folder.path().to_owned(), report }, written.and(reported)))
     }
 

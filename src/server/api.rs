@@ -27,7 +27,7 @@ pub(crate) use state::DaemonState;
 pub(crate) use state::EVENT_STREAMS;
 
 pub use crate::store::{Job, JobId};
-pub use crate::supervisor::Plate;
+pub use crate::supervisor::{Observation, Plate};
 pub use events::JOB_EVENT;
 pub use jobs::JobsPage;
 pub use plates::{Plates, ResetRequest};

@@ -25,7 +25,7 @@ mod worker;
 
 pub use plate::PlateHandle;
 pub use start::PlateSupervisor;
-pub use types::Plate;
 pub(crate) use types::ResetFault;
+pub use types::{Observation, Plate};
 
 pub use crate::states::PlateState;

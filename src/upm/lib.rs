@@ -42,7 +42,7 @@
 //! let job = JobSpec::from_json(text, &Origin::of_file(Path::new("configs/nudge.json")), None)?;
 //! let report = InMemoryRun::new(&job)?.run();
 //! assert_eq!(report.outcome, Outcome::Completed);
-//! assert!(report.max_error_mm < Some(0.6), "{:?}", report.max_error_mm);
+//! assert!(report.accuracy.max_error_mm < Some(0.6), "{:?}", report.accuracy.max_error_mm);
 //! # Ok(())
 //! # }
 //! ```

@@ -7,20 +7,20 @@ use super::rules::Source;
 /// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
 /// capability is worth it, and lowered when its crate shrinks.
 const CEILINGS: [(&str, usize); 14] = [
-    ("chart", 790),
-    ("control", 4180),
+    ("chart", 786),
+    ("control", 3993),
     ("core", 2540),
-    ("fixtures", 340),
-    ("lab", 6190),
+    ("fixtures", 336),
+    ("lab", 6188),
     ("perception", 4820),
     ("planning", 7660),
-    ("recording", 1310),
+    ("recording", 1308),
     ("runner", 4770),
-    ("scene", 870),
+    ("scene", 869),
     ("server", 4590),
     ("sim", 3470),
     ("upm", 4710),
-    ("viewer", 1440),
+    ("viewer", 1437),
 ];
 
 /// Room above a crate's present lines, at most: a tenth, and what a small crate needs for one function.

@@ -158,6 +158,7 @@ impl ControlCycle<'_, '_> {
             plan,
             ended_at: self.perception.seen_at(),
             result_m: steps.after_m,
+            ends_at_rest: false,
             plan_us,
             cycle_us,
         });

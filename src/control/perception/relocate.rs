@@ -19,8 +19,6 @@ const SHAPE_OF_WAY: f64 = 0.02;
 /// Consecutive observations at rest that must show the plate elsewhere: a swing of 5 Hz goes from end to end in this
 /// time.
 const MOVED: u32 = 6;
-/// Largest difference between observations that show the same displacement of a corner, px.
-const SAME_PLACE_PX: f64 = 0.3;
 /// Number of observations with the table located anew before a task counts as completed.
 const CONFIRMING_LOOKS: usize = 2;
 /// Number of consecutive observations at a still plate before these, and the displacement of a corner up to which the
@@ -72,7 +70,7 @@ impl Perception {
             PlateInImage::Elsewhere { corner_px } => corner_px,
             PlateInImage::SwungOut => return self.locate_swung_out(io),
             PlateInImage::Same | PlateInImage::Swinging | PlateInImage::Unknown => {
-                self.displaced = 0;
+                self.displaced.observations = 0;
                 return Continue(());
             }
         };
@@ -80,11 +78,8 @@ impl Perception {
             // late pictures show a plate at rest as still swinging
             return Continue(());
         }
-        // a plate that still swings in the picture is soon elsewhere
-        let agrees = (corner_px - self.displaced_px).abs() < SAME_PLACE_PX || corner_px == self.displaced_px;
-        (self.displaced, self.displaced_px) =
-            if agrees { (self.displaced + 1, self.displaced_px) } else { (1, corner_px) };
-        if self.displaced < MOVED {
+        self.displaced.observe(corner_px);
+        if self.displaced.observations < MOVED {
             return Continue(());
         }
         let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
@@ -92,17 +87,19 @@ impl Perception {
         self.findings.note(self.frame.exposed_at, Finding::CameraMoved, reason, io.sink);
         match self.locate(io.clock) {
             Ok(found) => self.relocate(found, true, io.sink),
-            Err(fault) if self.displaced > MOVED + TABLE_OBSERVATIONS as u32 => Break(RunEnd::failed_because(
-                Finding::CameraMoved,
-                format!("the plate has moved in the picture {by}: {fault}"),
-            )),
+            Err(fault) if self.displaced.observations > MOVED + TABLE_OBSERVATIONS as u32 => {
+                Break(RunEnd::failed_because(
+                    Finding::CameraMoved,
+                    format!("the plate has moved in the picture {by}: {fault}"),
+                ))
+            }
             Err(_) => Continue(()),
         }
     }
 
     /// Locates table and parts once more when the plate has swung out from the knock that caused the last localisation.
     fn locate_swung_out(&mut self, io: &mut RunIo<'_>) -> OrEnd {
-        self.displaced = 0;
+        self.displaced.observations = 0;
         match self.locate(io.clock) {
             Ok(found) => self.relocate(found, false, io.sink),
             Err(_) => Continue(()),
@@ -140,7 +137,8 @@ impl Perception {
         self.scene.relocate(&table, frame, swings, &self.kinds, self.model.dark_parts);
         self.tracker =
             Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.model.dark_parts, detections);
-        (self.table, self.displaced) = (table, 0);
+        self.table = table;
+        self.displaced.observations = 0;
         self.relocated |= swings;
         self.delay.forget_seen();
         Continue(())

@@ -12,8 +12,11 @@ const SWING_SHIFT_PX: f64 = 0.7;
 /// swung out, s: half of the slowest swing.
 const SWINGS_PX: f64 = 0.1;
 const STILL_S: f64 = 0.12;
-/// Time in which a plate swings out, s.
+/// Largest difference between observations that show the same displacement of a corner, px.
+const SAME_PLACE_PX: f64 = 0.3;
+/// Time in which a plate swings out, s, and the longest time that it may swing on after a pulse that was cut short.
 pub(super) const SWING_S: f64 = 0.4;
+const LONGEST_SWING_S: f64 = 2.0;
 
 /// The plate's place in the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +35,48 @@ pub(super) enum PlateInImage {
     },
     /// The frame does not show it.
     Unknown,
+}
+
+/// Time at which a plate whose pulse was cut short has swung out.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct SwingOut {
+    /// Expected time.
+    pub(super) from: PlateTime,
+    /// Latest such time.
+    by: PlateTime,
+}
+
+impl SwingOut {
+    /// That of a pulse which was cut short at `now`.
+    pub(super) fn after_stop_at(now: PlateTime) -> Self {
+        Self { from: now + SWING_S, by: now + LONGEST_SWING_S }
+    }
+
+    /// The plate was seen to swing at `at`.
+    pub(super) fn swings_at(&mut self, at: PlateTime) {
+        self.from = self.from.max((at + STILL_S).min(self.by));
+    }
+}
+
+/// Consecutive observations at rest that show the plate elsewhere.
+#[derive(Default)]
+pub(super) struct Displacement {
+    /// Their number.
+    pub(super) observations: u32,
+    /// Displacement of a corner in the first of them, px.
+    corner_px: f64,
+}
+
+impl Displacement {
+    /// Takes an observation with a corner displaced by `corner_px`. A plate that still swings in the picture is soon
+    /// elsewhere.
+    pub(super) fn observe(&mut self, corner_px: f64) {
+        if (corner_px - self.corner_px).abs() < SAME_PLACE_PX || corner_px == self.corner_px {
+            self.observations += 1;
+        } else {
+            *self = Self { observations: 1, corner_px };
+        }
+    }
 }
 
 /// Follows the swing of a plate over the frames at rest.

@@ -125,17 +125,30 @@ pub fn parse_and_build<T: DeserializeOwned + JsonSchema + 'static, Made>(
 /// Text that is not JSON and a document of another kind yield that single fault. Otherwise every key that is there
 /// twice and every fault against the schema; once there are none, the first fault that serde finds.
 pub fn parse<T: DeserializeOwned + JsonSchema + 'static>(text: &str, file: &str) -> Result<T, Vec<Diagnostic>> {
-    let (mut faults, schema) = (Diagnostics::of(file), schema_of::<T>());
+    let mut faults = Diagnostics::of(file);
     let value = value_of(text, &mut faults).map_err(|error| vec![Diagnostic::syntax(file, &error)])?;
-    if let Some((wanted, found)) = Document::mistaken(&value, schema) {
+    read(&value, file, faults)
+}
+
+/// As [`parse`], for text that was parsed before, with the faults found in it so far.
+///
+/// # Errors
+/// As [`parse`].
+pub fn read<T: DeserializeOwned + JsonSchema + 'static>(
+    value: &Value,
+    file: &str,
+    mut faults: Diagnostics,
+) -> Result<T, Vec<Diagnostic>> {
+    let schema = schema_of::<T>();
+    if let Some((wanted, found)) = Document::mistaken(value, schema) {
         let found = format!("{}, for `{}`", found.name(), found.command());
         return Err(vec![Diagnostic::new(file, Path::root(), found, wanted.name())]);
     }
-    schema_check::check(&value, schema, &Path::root(), &mut faults);
+    schema_check::check(value, schema, &Path::root(), &mut faults);
     if !faults.is_empty() {
         return Err(faults.into_list());
     }
-    serde_path_to_error::deserialize(&value).map_err(|error| {
+    serde_path_to_error::deserialize(value).map_err(|error| {
         let path = Some(error.path().to_string()).filter(|path| path != ".").unwrap_or("$".to_owned());
         vec![Diagnostic::new(file, path, error.inner(), "what `upm schema` prints")]
     })

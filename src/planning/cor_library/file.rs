@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use super::Library;
-use upm_core::document::{Diagnostic, parse, text_of};
+use upm_core::document::{Diagnostic, Diagnostics, parse, read, text_of};
 
 /// Lists and objects in each other down to which each member and item has its own line.
 const DEPTH: usize = 2;
@@ -27,8 +27,15 @@ impl Library {
     /// wrong keys, types and ranges are reported together; once those are right, all values that are inconsistent with
     /// others.
     pub fn from_json(text: &str, file: &str) -> Result<Self, Vec<Diagnostic>> {
-        let library: Self = parse(text, file)?;
-        library.checked().map_err(|faults| faults.into_iter().map(|fault| fault.in_file(file)).collect())
+        parse(text, file).and_then(|library: Self| library.checked(file))
+    }
+
+    /// As [`Self::from_json`], for a library within a document that is parsed.
+    ///
+    /// # Errors
+    /// As [`Self::from_json`].
+    pub fn from_value(value: &serde_json::Value, file: &str) -> Result<Self, Vec<Diagnostic>> {
+        read(value, file, Diagnostics::of(file)).and_then(|library: Self| library.checked(file))
     }
 
     /// Writes the library to `path`.

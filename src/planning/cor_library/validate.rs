@@ -17,9 +17,9 @@ const SAME: f64 = 1e-6;
 const FILE_ROUNDING: f64 = 0.501e-6;
 
 impl Library {
-    /// Validates the rules that a schema cannot express; lists every fault, with its file left blank.
-    pub(super) fn checked(self) -> Result<Self, Vec<Diagnostic>> {
-        let mut faults = Diagnostics::of("");
+    /// Validates the rules that a schema cannot express; lists every fault of the library in `file`.
+    pub(super) fn checked(self, file: &str) -> Result<Self, Vec<Diagnostic>> {
+        let mut faults = Diagnostics::of(file);
         for (name, shape) in AXES.iter().zip(&self.shapes) {
             let moves = shape.0.iter().any(|harmonic| harmonic.cos != 0.0 || harmonic.sin != 0.0);
             faults.require(moves, format!("shapes.{name}"), "zeros", "a waveform that moves the plate");

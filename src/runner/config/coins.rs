@@ -7,7 +7,7 @@ use serde::Deserialize;
 use super::read::{NAME_PATTERN, NAMES, is_name};
 use upm_core::document::{Diagnostic, Path, counted, parse_and_build, text_of};
 use upm_core::rig::PartKind;
-use upm_core::units::m_from_mm;
+use upm_core::units::mm;
 
 /// Most kinds in a set.
 const MOST_COINS: usize = 64;
@@ -34,12 +34,13 @@ pub(super) struct CoinsFile {
 #[derive(Deserialize, JsonSchema)]
 struct CoinEntry {
     /// Diameter, mm.
-    #[schemars(range(min = 1.0, max = 1000.0))]
-    diameter_mm: f64,
+    #[serde(rename = "diameter_mm", with = "mm")]
+    #[schemars(with = "f64", range(min = 1.0, max = 1000.0))]
+    diameter_m: f64,
     /// Height, mm.
-    #[serde(default)]
-    #[schemars(range(min = 0.0, max = 100.0))]
-    thickness_mm: f64,
+    #[serde(rename = "thickness_mm", default, with = "mm")]
+    #[schemars(with = "f64", range(min = 0.0, max = 100.0))]
+    thickness_m: f64,
 }
 
 /// The kinds of a set of coins, by diameter: one of `us`, `eu`, `uk` and `jp`, or a file of the same form.
@@ -75,9 +76,10 @@ pub(super) fn coins_of(text: &str, file: &str) -> Result<Vec<PartKind>, Vec<Diag
             let at = Path::root().key("coins").key(name);
             faults.require(is_name(name), &at, format!("{name:?}"), NAMES);
         }
-        let kind = |(name, coin): (String, CoinEntry)| {
-            let (radius_m, thickness_m) = (m_from_mm(0.5 * coin.diameter_mm), m_from_mm(coin.thickness_mm));
-            PartKind { name, radius_m, thickness_m }
+        let kind = |(name, coin): (String, CoinEntry)| PartKind {
+            name,
+            radius_m: 0.5 * coin.diameter_m,
+            thickness_m: coin.thickness_m,
         };
         let mut kinds: Vec<PartKind> = coins.into_iter().map(kind).collect();
         kinds.sort_by(|a, b| a.radius_m.total_cmp(&b.radius_m));

@@ -15,8 +15,8 @@ pub(super) const TIGHTER: f64 = 1.0 + 1e-9;
 pub(super) struct Growth {
     /// Name for messages: a key, or words.
     pub name: &'static str,
-    /// Present lengths, mm.
-    pub size_mm: Vec<f64>,
+    /// Present lengths, m.
+    pub size_m: Vec<f64>,
     /// Fixed point of the scaling, m.
     pub center_m: Vec2,
 }
@@ -37,25 +37,25 @@ impl Growth {
     }
 
     fn scaled(&self, scale: f64, rounded: fn(f64) -> f64) -> String {
-        let figures: Vec<String> = self.size_mm.iter().map(|size_mm| rounded(scale * size_mm).to_string()).collect();
+        let figures: Vec<String> = self.size_m.iter().map(|size_m| rounded(scale * size_m).to_string()).collect();
         if let [only] = &figures[..] { only.clone() } else { format!("[{}]", figures.join(", ")) }
     }
 
     /// True if a size between the two scales can be written with one decimal.
     fn is_between(&self, least: f64, most: f64) -> bool {
         most > 0.0
-            && self.size_mm.iter().all(|size_mm| rounded_up(least * size_mm) <= rounded_down(most * size_mm))
-            && self.size_mm.iter().all(|size_mm| rounded_down(most * size_mm) > 0.0)
+            && self.size_m.iter().all(|size_m| rounded_up(least * size_m) <= rounded_down(most * size_m))
+            && self.size_m.iter().all(|size_m| rounded_down(most * size_m) > 0.0)
     }
 }
 
 /// Rounds up to a tenth of a millimetre, with a tolerance for rounding errors.
-fn rounded_up(mm: f64) -> f64 {
-    (10.0 * mm - 1e-6).ceil() / 10.0
+fn rounded_up(m: f64) -> f64 {
+    (10.0 * mm_from_m(m) - 1e-6).ceil() / 10.0
 }
 
-fn rounded_down(mm: f64) -> f64 {
-    (10.0 * mm + 1e-6).floor() / 10.0
+fn rounded_down(m: f64) -> f64 {
+    (10.0 * mm_from_m(m) + 1e-6).floor() / 10.0
 }
 
 /// A pair of parts, the distance between them and the least that they need.

@@ -7,14 +7,14 @@ use super::drawings;
 use super::faults::{self, FaultList, fault_entry};
 use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PlannerChoice, TaskSection};
 use super::kinds::{KindSpec, PartGroup, each_kind};
-use super::read::{NAMES, Origin, is_name, point_m};
+use super::read::{NAMES, Origin, is_name};
 use super::rig::RigSpec;
 use super::rig_file::RigSource;
 use super::task::{self, TaskSpec};
 use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
 use upm_core::job::{Bin, CameraMode, Finding};
 use upm_core::rig::{Interlock, PartKind};
-use upm_core::units::{m_from_mm, mm_from_m};
+use upm_core::units::mm_from_m;
 use upm_sim::faults::FaultSpec;
 
 /// Validated job file: rig, parts, task, planner and limits.
@@ -79,7 +79,7 @@ impl JobSpec {
         let root = Path::root();
         faults.require(is_name(&document.name), root.key("name"), format!("{:?}", document.name), NAMES);
         for (i, group) in document.parts.iter().enumerate() {
-            let alone = group.position_mm.is_none() || group.count == 1;
+            let alone = group.position_m.is_none() || group.count == 1;
             let at = root.key("parts").index(i).key("position_mm");
             faults.require(alone, &at, format!("a position for {} parts", group.count), "a position only with count 1");
         }
@@ -125,7 +125,7 @@ impl JobSpec {
             parts,
             task: task?,
             planner: document.planner,
-            tolerance_m: m_from_mm(document.tolerance_mm),
+            tolerance_m: document.tolerance_m,
             plate_time_limit_s: document.limits.plate_time_s,
             faults: of_rig.unwrap_or_default(),
             camera: CameraMode::default(),
@@ -315,13 +315,9 @@ fn groups_of(document: &JobFile, rig: &RigSpec, faults: &mut Diagnostics) -> Vec
     let group_of = |(i, group): (usize, &PartsEntry)| {
         let at = Path::root().key("parts").index(i).key("kind");
         let kind = rig.known_kind(&group.kind, &at, faults);
-        let at_random = group.position_mm.is_none();
+        let at_random = group.position_m.is_none();
         let kind = kind.filter(|&kind| clearance::check_size(kind, rig, at_random, &at, faults));
-        PartGroup {
-            kind: kind.unwrap_or(usize::MAX),
-            count: group.count as usize,
-            position_m: group.position_mm.map(point_m),
-        }
+        PartGroup { kind: kind.unwrap_or(usize::MAX), count: group.count as usize, position_m: group.position_m }
     };
     document.parts.iter().enumerate().map(group_of).collect()
 }

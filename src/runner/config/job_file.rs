@@ -4,14 +4,15 @@ use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::faults::FaultList;
-use super::read::NAME_PATTERN;
+use super::read::{NAME_PATTERN, optional_mm_point, optional_mm_points};
 use super::rig_file::RigSource;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
+use upm_core::geometry::Vec2;
 use upm_core::job::Bin;
-use upm_core::units::{thousandths, whole};
+use upm_core::units::{micrometres, mm, whole};
 use upm_planning::cor_library::Library;
 
 /// A job: which rig, which parts, and what to do with them.
@@ -41,9 +42,9 @@ pub struct JobFile {
     #[serde(default)]
     pub(crate) planner: PlannerChoice,
     /// A part this near its target has arrived, mm.
-    #[serde(default = "thousandths::<500>")]
-    #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
-    pub(crate) tolerance_mm: f64,
+    #[serde(rename = "tolerance_mm", default = "micrometres::<500>", with = "mm")]
+    #[schemars(with = "f64", range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
+    pub(crate) tolerance_m: f64,
     /// When to give up.
     #[serde(default)]
     pub(crate) limits: RunLimits,
@@ -68,7 +69,7 @@ pub enum LibraryRef {
     File(PathBuf),
     /// The library itself.
     #[schemars(title = "library")]
-    Inline(#[schemars(with = "Library")] Map<String, Value>),
+    Inline(#[schemars(with = "Library")] Value),
 }
 
 /// Parts of one kind.
@@ -81,8 +82,9 @@ pub(crate) struct PartsEntry {
     #[schemars(range(min = 1, max = 64))]
     pub(crate) count: u32,
     /// Where it starts, mm; only with count 1. Left out: at random, by the seed.
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    pub(crate) position_mm: Option<[f64; 2]>,
+    #[serde(rename = "position_mm", default, with = "optional_mm_point")]
+    #[schemars(with = "Option<[f64; 2]>", inner(range(min = -1000.0, max = 1000.0)))]
+    pub(crate) position_m: Option<Vec2>,
 }
 
 /// Goal of a run; `type` selects the kind.
@@ -96,13 +98,13 @@ pub(crate) enum TaskSection {
         #[schemars(range(max = 1_000_000))]
         laps: u32,
         /// How far the part's rim stays from the plate's edge, mm.
-        #[serde(default = "whole::<f64, 5>")]
-        #[schemars(range(min = 1.0, max = 1000.0))]
-        edge_margin_mm: f64,
+        #[serde(rename = "edge_margin_mm", default = "micrometres::<5000>", with = "mm")]
+        #[schemars(with = "f64", range(min = 1.0, max = 1000.0))]
+        edge_margin_m: f64,
         /// Largest distance from the path, mm, for the whole course of every pulse.
-        #[serde(default = "thousandths::<500>")]
-        #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
-        corridor_mm: f64,
+        #[serde(rename = "corridor_mm", default = "micrometres::<500>", with = "mm")]
+        #[schemars(with = "f64", range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+        corridor_m: f64,
     },
     /// Every part follows its own path.
     Trajectories {
@@ -114,15 +116,16 @@ pub(crate) enum TaskSection {
         #[serde(default)]
         in_phase: bool,
         /// Largest distance from the paths, mm, for the whole course of every pulse.
-        #[serde(default = "whole::<f64, 1>")]
-        #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
-        corridor_mm: f64,
+        #[serde(rename = "corridor_mm", default = "micrometres::<1000>", with = "mm")]
+        #[schemars(with = "f64", range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+        corridor_m: f64,
     },
     /// Every part goes to a place.
     Arrange {
         /// One place for each part, in the order of `parts`, mm. Either this or `targets`.
-        #[schemars(length(min = 1, max = 64), inner(inner(range(min = -1000.0, max = 1000.0))))]
-        targets_mm: Option<Vec<[f64; 2]>>,
+        #[serde(rename = "targets_mm", default, with = "optional_mm_points")]
+        #[schemars(with = "Option<Vec<[f64; 2]>>", length(min = 1, max = 64), inner(inner(range(min = -1000.0, max = 1000.0))))]
+        targets_m: Option<Vec<Vec2>>,
         /// A rule that makes the places.
         targets: Option<Box<TargetRule>>,
         /// Assignment of parts to places.
@@ -149,8 +152,9 @@ pub(crate) enum TaskSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct PathEntry {
     /// Corners of the path, mm, in order.
-    #[schemars(length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
-    pub(crate) waypoints_mm: Option<Vec<[f64; 2]>>,
+    #[serde(rename = "waypoints_mm", default, with = "optional_mm_points")]
+    #[schemars(with = "Option<Vec<[f64; 2]>>", length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
+    pub(crate) waypoints_m: Option<Vec<Vec2>>,
     /// All round a circle.
     pub(crate) circle: Option<CircleShape>,
     /// All round a closed figure of two sine waves.
@@ -163,8 +167,9 @@ pub(crate) struct PathEntry {
     #[schemars(range(min = 1, max = 64))]
     pub(crate) count: u32,
     /// Speed along it, mm/s.
-    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
-    pub(crate) speed_mm_s: f64,
+    #[serde(rename = "speed_mm_s", with = "mm")]
+    #[schemars(with = "f64", range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    pub(crate) speed_mps: f64,
     /// How often it is gone through, from its last point straight back to the first; 0 is without end.
     #[serde(default = "whole::<u32, 1>")]
     #[schemars(range(max = 1_000_000))]

@@ -56,23 +56,24 @@ impl KindSpec {
 /// The four coins, then the rig's kinds by name.
 pub(super) fn kinds_of(rig: &RigFile, at: &Path, faults: &mut Diagnostics) -> Vec<KindSpec> {
     let friction = rig.friction.coefficient;
-    let mut kinds: Vec<KindSpec> = COINS.iter().map(|&(name, d, m, h)| disc(name, d, m, h, friction)).collect();
+    let coin = |&(name, d, m, h): &(_, _, _, _)| disc(name, m_from_mm(d), m * 1e-3, m_from_mm(h), friction);
+    let mut kinds: Vec<KindSpec> = COINS.iter().map(coin).collect();
     for (name, kind) in &rig.kinds {
         let at = at.key("kinds").key(name);
         faults.require(is_name(name), &at, format!("{name:?}"), NAMES);
         let known = COINS.iter().any(|(coin, ..)| coin == name);
         faults.require(!known, &at, format!("{name:?}"), "a name other than penny, nickel, dime, quarter");
-        let side_mm = written_mm(rig.plate.side_m);
-        let allowed = format!("up to {side_mm} (the plate's side)");
-        faults.require(kind.diameter_mm <= side_mm, at.key("diameter_mm"), kind.diameter_mm, allowed);
-        kinds.push(disc(name, kind.diameter_mm, kind.mass_g, kind.thickness_mm, kind.friction.unwrap_or(friction)));
+        let allowed = format!("up to {} (the plate's side)", written_mm(rig.plate.side_m));
+        let fits = kind.diameter_m <= rig.plate.side_m;
+        faults.require(fits, at.key("diameter_mm"), written_mm(kind.diameter_m), allowed);
+        kinds.push(disc(name, kind.diameter_m, kind.mass_kg, kind.thickness_m, kind.friction.unwrap_or(friction)));
     }
     kinds
 }
 
-fn disc(name: &str, diameter_mm: f64, mass_g: f64, thickness_mm: f64, friction: f64) -> KindSpec {
-    let (radius_m, thickness_m) = (m_from_mm(0.5 * diameter_mm), m_from_mm(thickness_mm));
-    KindSpec { kind: PartKind { name: name.to_owned(), radius_m, thickness_m }, mass_kg: mass_g * 1e-3, friction }
+fn disc(name: &str, diameter_m: f64, mass_kg: f64, thickness_m: f64, friction: f64) -> KindSpec {
+    let kind = PartKind { name: name.to_owned(), radius_m: 0.5 * diameter_m, thickness_m };
+    KindSpec { kind, mass_kg, friction }
 }
 
 /// Kind of each part in the order of the job.

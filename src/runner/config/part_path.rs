@@ -2,12 +2,11 @@
 
 use super::fit::Growth;
 use super::job_file::PathEntry;
-use super::read::{exactly_one, point_m};
+use super::read::exactly_one;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape};
 use super::targets::drawing_of;
 use upm_core::document::{Diagnostics, Path};
 use upm_core::geometry::Vec2;
-use upm_core::units::m_from_mm;
 use upm_planning::shapes::{circle_path, closed_from, lissajous_path};
 use upm_planning::task::PathParams;
 
@@ -49,20 +48,19 @@ impl PartPath {
             1 => line.points_m.clone(),
             count => closed_from(&line.points_m, f64::from(k) / f64::from(count)),
         };
-        let speed_mps = m_from_mm(entry.speed_mm_s);
         let part_path = |k: u32| Self {
             at: at.clone(),
             shape_at: at.key(line.key),
             growth: line.growth.clone(),
             has_file_corners: line.growth.is_none() && entry.count == 1,
-            params: PathParams { waypoints_m: waypoints_m(k), speed_mps, repeat: entry.repeat },
+            params: PathParams { waypoints_m: waypoints_m(k), speed_mps: entry.speed_mps, repeat: entry.repeat },
         };
         (0..entry.count).map(part_path).collect()
     }
 }
 
 fn line_of(entry: &PathEntry, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
-    let PathEntry { waypoints_mm, circle, lissajous, svg, .. } = entry;
+    let PathEntry { waypoints_m, circle, lissajous, svg, .. } = entry;
     if !exactly_one(entry, &["waypoints_mm", "circle", "lissajous", "svg"], at, faults) {
         return None;
     }
@@ -75,28 +73,26 @@ fn line_of(entry: &PathEntry, at: &Path, faults: &mut Diagnostics) -> Option<Pat
     if let Some(entry) = svg {
         return drawn_line(entry, &at.key("svg"), faults);
     }
-    let points_m = waypoints_mm.iter().flatten().copied().map(point_m).collect();
+    let points_m = waypoints_m.clone().unwrap_or_default();
     Some(PathLine { key: "waypoints_mm", points_m, growth: None })
 }
 
 fn circle_of(entry: &CircleShape) -> PathLine {
-    let CircleShape { center_mm, radius_mm, start_deg, clockwise } = *entry;
-    let center_m = point_m(center_mm);
-    let points_m = circle_path(center_m, m_from_mm(radius_mm), start_deg.to_radians(), clockwise);
-    PathLine { key: "circle", points_m, growth: Some(Growth { name: "radius_mm", size_mm: vec![radius_mm], center_m }) }
+    let &CircleShape { center_m, radius_m, start_rad, clockwise } = entry;
+    let points_m = circle_path(center_m, radius_m, start_rad, clockwise);
+    PathLine { key: "circle", points_m, growth: Some(Growth { name: "radius_mm", size_m: vec![radius_m], center_m }) }
 }
 
 fn lissajous_of(entry: &LissajousShape, at: &Path, faults: &mut Diagnostics) -> Option<PathLine> {
-    let LissajousShape { center_mm, size_mm, frequencies: [a, b], phase_deg } = *entry;
+    let &LissajousShape { center_m, size_m, frequencies: [a, b], phase_rad } = entry;
     let common = common_factor(a, b);
     if common > 1 {
         let allowed = format!("[{}, {}], the same figure without a common factor", a / common, b / common);
         faults.push(at.key("frequencies"), format!("[{a}, {b}]"), allowed);
         return None;
     }
-    let (center_m, size_m) = (point_m(center_mm), point_m(size_mm));
-    let points_m = lissajous_path(center_m, size_m, [a, b], phase_deg.to_radians());
-    let growth = Growth { name: "size_mm", size_mm: size_mm.to_vec(), center_m };
+    let points_m = lissajous_path(center_m, size_m, [a, b], phase_rad);
+    let growth = Growth { name: "size_mm", size_m: vec![size_m.x, size_m.y], center_m };
     Some(PathLine { key: "lissajous", points_m, growth: Some(growth) })
 }
 

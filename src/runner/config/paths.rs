@@ -4,10 +4,8 @@ use super::clearance::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
 use super::in_phase::check_in_phase;
 use super::job_file::PathEntry;
 use super::part_path::PartPath;
-use super::read::point_m;
 use super::task::{TaskContext, TaskSpec};
 use upm_core::document::Diagnostics;
-use upm_core::units::m_from_mm;
 
 impl TaskContext<'_> {
     /// The paths in SI. Faults: a part that leaves the plate, or begins or ends inside another.
@@ -15,7 +13,7 @@ impl TaskContext<'_> {
         &self,
         entries: &[PathEntry],
         in_phase: bool,
-        corridor_mm: f64,
+        corridor_m: f64,
         faults: &mut Diagnostics,
     ) -> Option<TaskSpec> {
         let at = self.at.key("paths");
@@ -42,7 +40,7 @@ impl TaskContext<'_> {
             check_in_phase(&paths, &self.radii_m, &self.ids, faults);
         }
         let paths = paths.into_iter().map(|path| path.params).collect();
-        Some(TaskSpec::Trajectories { paths, in_phase, corridor_m: m_from_mm(corridor_mm) })
+        Some(TaskSpec::Trajectories { paths, in_phase, corridor_m })
     }
 
     /// Reports generated paths, and typed corners, that leave the plate; corners once for all parts on their path.
@@ -56,8 +54,8 @@ impl TaskContext<'_> {
         for (i, entry) in entries.iter().enumerate() {
             let largest_m = radii_m.by_ref().take(entry.count as usize).copied().fold(0.0, f64::max);
             let at = self.at.key("paths").index(i).key("waypoints_mm");
-            for (k, &waypoint_mm) in entry.waypoints_mm.iter().flatten().enumerate() {
-                check_inside(point_m(waypoint_mm), largest_m, self.half_m, REST_MARGIN_M, &at.index(k), faults);
+            for (k, &waypoint_m) in entry.waypoints_m.iter().flatten().enumerate() {
+                check_inside(waypoint_m, largest_m, self.half_m, REST_MARGIN_M, &at.index(k), faults);
             }
         }
     }

@@ -5,7 +5,7 @@ use serde_json::json;
 
 use upm_core::document::{Diagnostics, Path, quoted};
 use upm_core::geometry::Vec2;
-use upm_core::units::m_from_mm;
+use upm_core::units::{file_form, m_from_mm, written_mm};
 
 /// Origin of a document: the name for its faults, and the base of its relative paths.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -69,10 +69,20 @@ pub fn is_plain_name(name: &str) -> bool {
     name.is_ascii() && is_name(name)
 }
 
-/// A point in metres.
-pub(super) fn point_m(mm: [f64; 2]) -> Vec2 {
-    Vec2::from(mm.map(m_from_mm))
+fn point_m(mm: [f64; 2]) -> Vec2 {
+    mm.map(m_from_mm).into()
 }
+
+fn written_point_mm(m: &Vec2) -> [f64; 2] {
+    [m.x, m.y].map(written_mm)
+}
+
+file_form!(optional_mm: Option<f64> => Option<f64>, |mm| mm.map(m_from_mm), |m| m.map(written_mm));
+file_form!(optional_mm_point: Option<[f64; 2]> => Option<Vec2>, |mm| mm.map(point_m),
+    |m| m.as_ref().map(written_point_mm));
+file_form!(optional_mm_points: Option<Vec<[f64; 2]>> => Option<Vec<Vec2>>,
+    |mm| mm.map(|places| places.into_iter().map(point_m).collect()),
+    |m| m.as_ref().map(|places| places.iter().map(written_point_mm).collect()));
 
 /// Those of `keys` that are present in `object`.
 pub(super) fn given<'k>(object: &impl Serialize, keys: &[&'k str]) -> Vec<&'k str> {

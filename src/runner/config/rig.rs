@@ -153,7 +153,7 @@ fn model_of(document: &RigFile) -> RigModel {
         plate_inertia_kgm2: plate.inertia_kgm2,
         newtons_per_count: motors.newtons_per_count,
         count_limit: motors.count_limit,
-        base_radps: std::f64::consts::TAU * drive.base_hz,
+        base_radps: drive.base_radps,
         attack_s: drive.attack_s,
         rest_s: drive.rest_s,
         max_sustain_s: drive.max_sustain_s,

@@ -2,6 +2,7 @@ use super::read::{NAMES, is_name};
 use super::rig_file::RigFile;
 use super::view;
 use upm_core::document::{Diagnostics, Path};
+use upm_core::geometry::Vec2;
 use upm_core::units::{GRAVITY_MPS2, mm_from_m, written_hertz, written_mm};
 use upm_sim::SimParams;
 
@@ -17,24 +18,25 @@ pub(super) fn check(rig: &RigFile, sim: &SimParams, at: &Path, faults: &mut Diag
     faults.require(is_name(&rig.name), at.key("name"), format!("{:?}", rig.name), NAMES);
     check_plate(rig, at, faults);
     check_motors(rig, at, faults);
-    let (found, least) = (rig.drive.max_sustain_s, 3.0 / rig.drive.base_hz);
+    let base_hz = written_hertz(rig.drive.base_radps);
+    let (found, least) = (rig.drive.max_sustain_s, 3.0 / base_hz);
     let allowed = format!("{least:.4} or more (three periods of the drive, for the accelerometers to be read)");
     faults.require(found >= least, at.key("drive").key("max_sustain_s"), found, allowed);
     check_fields(rig, at, faults);
     check_accelerometers(rig, at, faults);
     check_camera(rig, sim, at, faults);
-    let push_mm = rig.simulation.knocks.as_ref().map(|knocks| knocks.push_mm);
+    let push_m = rig.simulation.knocks.as_ref().map(|knocks| knocks.push_m);
     let at_push = at.key("simulation").key("knocks").key("push_mm");
-    faults.require(push_mm != Some([0.0; 2]), at_push, "[0, 0]", "a push along x or y, or no knocks");
+    faults.require(push_m != Some(Vec2::zeros()), at_push, "[0, 0]", "a push along x or y, or no knocks");
     let step_s = rig.simulation.step_s;
-    let longest_s = (0.01 / rig.drive.base_hz).min(1.0 / rig.motors.sample_hz).min(1.0 / rig.accelerometers.sample_hz);
+    let longest_s = (0.01 / base_hz).min(1.0 / rig.motors.sample_hz).min(1.0 / rig.accelerometers.sample_hz);
     let allowed =
         format!("up to {longest_s} (a hundredth of the drive's period, one sample of motors and accelerometers)");
     faults.require(step_s <= longest_s * (1.0 + 1e-9), at.key("simulation").key("step_s"), step_s, allowed);
 }
 
 fn check_plate(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
-    let (plate, base_hz) = (&rig.plate, rig.drive.base_hz);
+    let (plate, base_hz) = (&rig.plate, written_hertz(rig.drive.base_radps));
     let at = at.key("plate");
     let (inertia, most) = (plate.inertia_kgm2, 0.5 * plate.mass_kg * plate.side_m * plate.side_m);
     let allowed = format!("up to {most} (all mass in the corners, M L²/2)");
@@ -46,7 +48,7 @@ fn check_plate(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
 }
 
 fn check_motors(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
-    let (motors, base_hz) = (&rig.motors, rig.drive.base_hz);
+    let (motors, base_hz) = (&rig.motors, written_hertz(rig.drive.base_radps));
     let at = at.key("motors");
     let [reach_mm, arm_mm] = [0.5 * rig.plate.side_m, motors.lever_arm_m].map(written_mm);
     let allowed = format!("up to {reach_mm} (half the plate's side)");
@@ -108,7 +110,7 @@ fn check_fields(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
 
 fn check_accelerometers(rig: &RigFile, at: &Path, faults: &mut Diagnostics) {
     let at = at.key("accelerometers");
-    let (found_hz, least_hz) = (rig.accelerometers.sample_hz, 16.0 * rig.drive.base_hz);
+    let (found_hz, least_hz) = (rig.accelerometers.sample_hz, 16.0 * written_hertz(rig.drive.base_radps));
     let allowed = format!("{least_hz} or more (16 samples to a period of the drive)");
     faults.require(found_hz >= least_hz, at.key("sample_hz"), found_hz, allowed);
     let position_m = rig.accelerometers.position_m;

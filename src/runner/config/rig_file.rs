@@ -6,8 +6,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::read::NAME_PATTERN;
+use upm_core::geometry::Vec2;
 use upm_core::rig::FieldDriveModel;
-use upm_core::units::thousandths;
+use upm_core::units::{grams, hertz, mm, mm_point, thousandths};
 use upm_sim::{AccelerometerParams, CameraParams, MotorParams, PlateParams};
 
 /// A rig: a square plate on springs, four voice coils, two accelerometers, a camera above.
@@ -48,8 +49,9 @@ pub struct RigFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct DriveSection {
     /// Base frequency of the vibration, Hz.
-    #[schemars(range(min = 1.0, max = 1000.0))]
-    pub(crate) base_hz: f64,
+    #[serde(rename = "base_hz", with = "hertz")]
+    #[schemars(with = "f64", range(min = 1.0, max = 1000.0))]
+    pub(crate) base_radps: f64,
     /// Attack and decay of every pulse, s; one period of the drive or more: shorter ones ask for much more force.
     #[serde(default = "thousandths::<20>")]
     #[schemars(range(min = 0.0, max = 1.0))]
@@ -92,14 +94,17 @@ impl Default for FrictionSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct KindEntry {
     /// Diameter, mm; 0 is a point. A part for the camera has 1 mm or more.
-    #[schemars(range(min = 0.0, max = 1000.0))]
-    pub(crate) diameter_mm: f64,
+    #[serde(rename = "diameter_mm", with = "mm")]
+    #[schemars(with = "f64", range(min = 0.0, max = 1000.0))]
+    pub(crate) diameter_m: f64,
     /// Mass of one part, g.
-    #[schemars(range(min = 0.01, max = 10000.0))]
-    pub(crate) mass_g: f64,
+    #[serde(rename = "mass_g", with = "grams")]
+    #[schemars(with = "f64", range(min = 0.01, max = 10000.0))]
+    pub(crate) mass_kg: f64,
     /// Height, mm.
-    #[schemars(range(min = 0.05, max = 100.0))]
-    pub(crate) thickness_mm: f64,
+    #[serde(rename = "thickness_mm", with = "mm")]
+    #[schemars(with = "f64", range(min = 0.05, max = 100.0))]
+    pub(crate) thickness_m: f64,
     /// Friction against the plate. Left out: the rig's coefficient.
     #[schemars(range(min = 0.01, max = 2.0))]
     pub(crate) friction: Option<f64>,
@@ -124,8 +129,9 @@ pub struct Knocks {
     pub(crate) every_s: f64,
     /// How far a knock pushes the plate on average, mm along x and y; each between half and one and a half of it.
     /// Not both 0.
-    #[schemars(inner(range(min = -13.0, max = 13.0)))]
-    pub(crate) push_mm: [f64; 2],
+    #[serde(rename = "push_mm", with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -13.0, max = 13.0)))]
+    pub(crate) push_m: Vec2,
 }
 
 impl Default for SimulationSection {

@@ -3,6 +3,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::read::optional_mm;
+use upm_core::geometry::Vec2;
+use upm_core::units::{degrees, mm, mm_point};
+
 /// Longest path data of a drawing, and its largest file, bytes.
 pub(super) const LONGEST_DATA: usize = 4 << 20;
 
@@ -25,20 +29,22 @@ pub(crate) struct TargetRule {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct LineShape {
     /// Place of the first part, mm.
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    pub(crate) from_mm: [f64; 2],
+    #[serde(rename = "from_mm", with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
+    pub(crate) from_m: Vec2,
     /// Place of the last part, mm.
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    pub(crate) to_mm: [f64; 2],
+    #[serde(rename = "to_mm", with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
+    pub(crate) to_m: Vec2,
 }
 
 /// Rows and columns. One of them may be left out: it follows from the number of parts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct GridShape {
     /// Middle of the grid, mm. Left out: the middle of the plate.
-    #[serde(default)]
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    pub(crate) center_mm: [f64; 2],
+    #[serde(rename = "center_mm", default, with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
+    pub(crate) center_m: Vec2,
     /// Number of rows.
     #[schemars(range(min = 1, max = 64))]
     pub(crate) rows: Option<u32>,
@@ -46,8 +52,9 @@ pub(crate) struct GridShape {
     #[schemars(range(min = 1, max = 64))]
     pub(crate) columns: Option<u32>,
     /// Distance between the middles of neighbours in a row or a column, mm.
-    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
-    pub(crate) spacing_mm: f64,
+    #[serde(rename = "spacing_mm", with = "mm")]
+    #[schemars(with = "f64", range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    pub(crate) spacing_m: f64,
 }
 
 /// A line of text.
@@ -57,12 +64,13 @@ pub(crate) struct TextShape {
     #[schemars(length(min = 1, max = 32))]
     pub(crate) string: String,
     /// Height of a capital between the middles of its topmost and lowest parts, mm.
-    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
-    pub(crate) height_mm: f64,
+    #[serde(rename = "height_mm", with = "mm")]
+    #[schemars(with = "f64", range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    pub(crate) height_m: f64,
     /// Middle of the text, mm. Left out: the middle of the plate.
-    #[serde(default)]
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    pub(crate) center_mm: [f64; 2],
+    #[serde(rename = "center_mm", default, with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
+    pub(crate) center_m: Vec2,
 }
 
 /// A drawing: a file or path data, and its width or its height.
@@ -74,31 +82,34 @@ pub(crate) struct SvgShape {
     #[schemars(length(min = 1, max = LONGEST_DATA))]
     pub(crate) d: Option<String>,
     /// Width of the drawing, mm; its height follows.
-    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
-    pub(crate) width_mm: Option<f64>,
+    #[serde(rename = "width_mm", default, with = "optional_mm")]
+    #[schemars(with = "Option<f64>", range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    pub(crate) width_m: Option<f64>,
     /// Height of the drawing, mm; its width follows.
-    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
-    pub(crate) height_mm: Option<f64>,
+    #[serde(rename = "height_mm", default, with = "optional_mm")]
+    #[schemars(with = "Option<f64>", range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    pub(crate) height_m: Option<f64>,
     /// Middle of the drawing, mm. Left out: the middle of the plate.
-    #[serde(default)]
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    pub(crate) center_mm: [f64; 2],
+    #[serde(rename = "center_mm", default, with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
+    pub(crate) center_m: Vec2,
 }
 
 /// A circle, for places or to go round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct CircleShape {
     /// Its centre, mm. Left out: the middle of the plate.
-    #[serde(default)]
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    pub(crate) center_mm: [f64; 2],
+    #[serde(rename = "center_mm", default, with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
+    pub(crate) center_m: Vec2,
     /// Distance of the places or the path from the centre, mm.
-    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
-    pub(crate) radius_mm: f64,
+    #[serde(rename = "radius_mm", with = "mm")]
+    #[schemars(with = "f64", range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    pub(crate) radius_m: f64,
     /// Direction of its beginning from the centre, degrees counter-clockwise from x.
-    #[serde(default)]
-    #[schemars(range(min = -360.0, max = 360.0))]
-    pub(crate) start_deg: f64,
+    #[serde(rename = "start_deg", default, with = "degrees")]
+    #[schemars(with = "f64", range(min = -360.0, max = 360.0))]
+    pub(crate) start_rad: f64,
     /// Runs clockwise, not counter-clockwise.
     #[serde(default)]
     pub(crate) clockwise: bool,
@@ -108,17 +119,18 @@ pub(crate) struct CircleShape {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub(crate) struct LissajousShape {
     /// Its middle, mm. Left out: the middle of the plate.
-    #[serde(default)]
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    pub(crate) center_mm: [f64; 2],
+    #[serde(rename = "center_mm", default, with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
+    pub(crate) center_m: Vec2,
     /// Width and height, mm.
-    #[schemars(inner(range(min = 1.0, max = 1000.0)))]
-    pub(crate) size_mm: [f64; 2],
+    #[serde(rename = "size_mm", with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = 1.0, max = 1000.0)))]
+    pub(crate) size_m: Vec2,
     /// `a` and `b`, without a common factor: [1, 2] is a lying eight, [1, 1] an ellipse or a line.
     #[schemars(inner(range(min = 1, max = 9)))]
     pub(crate) frequencies: [u32; 2],
     /// Phase of x at the start, degrees.
-    #[serde(default)]
-    #[schemars(range(min = -360.0, max = 360.0))]
-    pub(crate) phase_deg: f64,
+    #[serde(rename = "phase_deg", default, with = "degrees")]
+    #[schemars(with = "f64", range(min = -360.0, max = 360.0))]
+    pub(crate) phase_rad: f64,
 }

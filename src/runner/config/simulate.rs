@@ -1,18 +1,20 @@
 //! Files of open-loop experiments: given pulses on given parts.
 
+use std::f64::consts::TAU;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::clearance::check_apart;
 use super::placement::PlacedPart;
-use super::read::{Origin, given, point_m};
+use super::read::{Origin, given, optional_mm_point};
 use super::rig::RigSpec;
 use super::rig_file::RigSource;
 use upm_core::document::{Diagnostic, Diagnostics, Path, parse_and_build, text_of};
-use upm_core::geometry::Twist;
+use upm_core::geometry::{Twist, Vec2};
 use upm_core::job::PlateMode;
 use upm_core::signal::{Envelope, TwistHarmonic};
-use upm_core::units::{mm_from_m, whole};
+use upm_core::units::{file_form, mm_from_m, mm_point, whole, written_degrees, written_hertz, written_mm};
 use upm_sim::OpenPulse;
 
 /// An open-loop experiment: given pulses on given parts.
@@ -25,8 +27,9 @@ pub(super) struct ExperimentFile {
     #[serde(default)]
     plate: PlateMode,
     /// Base frequency w of every pulse, Hz. Left out: the rig's.
-    #[schemars(range(min = 1.0, max = 1000.0))]
-    base_hz: Option<f64>,
+    #[serde(rename = "base_hz", default, with = "optional_hertz")]
+    #[schemars(with = "Option<f64>", range(min = 1.0, max = 1000.0))]
+    base_radps: Option<f64>,
     /// Parts on the plate.
     #[schemars(length(min = 1, max = 64))]
     parts: Vec<PartEntry>,
@@ -39,14 +42,19 @@ pub(super) struct ExperimentFile {
     sample_hz: f64,
 }
 
+file_form!(optional_hertz: Option<f64> => Option<f64>, |hz| hz.map(|hz| TAU * hz), |radps| radps.map(written_hertz));
+file_form!(optional_degrees: Option<f64> => Option<f64>, |deg| deg.map(f64::to_radians),
+    |rad| rad.map(written_degrees));
+
 /// A part and where it starts.
 #[derive(Deserialize, JsonSchema)]
 struct PartEntry {
     /// penny, nickel, dime, quarter or a kind of the rig's.
     kind: String,
     /// Where it starts, mm; its centre lies on the plate.
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
-    position_mm: [f64; 2],
+    #[serde(rename = "position_mm", with = "mm_point")]
+    #[schemars(with = "[f64; 2]", inner(range(min = -1000.0, max = 1000.0)))]
+    position_m: Vec2,
 }
 
 /// A pulse: a rotation (`cor_mm`, `omega_rad_s`) or a translation (`direction_deg`, `speed_mps`), both with the wave
@@ -54,14 +62,16 @@ struct PartEntry {
 #[derive(Serialize, Deserialize, JsonSchema)]
 struct PulseEntry {
     /// Centre of rotation, mm.
-    #[schemars(inner(range(min = -1e6, max = 1e6)))]
-    cor_mm: Option<[f64; 2]>,
+    #[serde(rename = "cor_mm", default, with = "optional_mm_point")]
+    #[schemars(with = "Option<[f64; 2]>", inner(range(min = -1e6, max = 1e6)))]
+    cor_m: Option<Vec2>,
     /// Amplitude of the spin, rad/s.
     #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
     omega_rad_s: Option<f64>,
     /// Direction of a translation, degrees counter-clockwise from x.
-    #[schemars(range(min = -360.0, max = 360.0))]
-    direction_deg: Option<f64>,
+    #[serde(rename = "direction_deg", default, with = "optional_degrees")]
+    #[schemars(with = "Option<f64>", range(min = -360.0, max = 360.0))]
+    direction_rad: Option<f64>,
     /// Amplitude of a translation's speed, m/s.
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]
     speed_mps: Option<f64>,
@@ -137,8 +147,8 @@ impl SimulateSpec {
         let motions: Vec<_> =
             pulses.map(|(i, pulse)| pulse.motion(&root.key("pulses").index(i), faults).unwrap_or_default()).collect();
         let rig = RigSpec::from_source(file.rig.clone(), origin, &root.key("rig"), faults)?;
-        let base_hz = file.base_hz.unwrap_or(rig.document.drive.base_hz);
-        check_frequencies(&file, &rig, base_hz, faults);
+        let base_radps = file.base_radps.unwrap_or(rig.document.drive.base_radps);
+        check_frequencies(&file, &rig, written_hertz(base_radps), faults);
         let parts = placed(&file, &rig, faults);
         let pulse_of = |(pulse, harmonics): (&PulseEntry, _)| OpenPulse {
             harmonics,
@@ -153,7 +163,6 @@ impl SimulateSpec {
         let samples = total_s * file.sample_hz * file.parts.len() as f64;
         let found = format!("{samples:.0} samples of all parts over {total_s:.3} s");
         faults.require(samples <= MOST_SAMPLES, root.key("sample_hz"), found, format!("up to {MOST_SAMPLES:.0}"));
-        let base_radps = std::f64::consts::TAU * base_hz;
         Some(Self { rig, plate: file.plate, base_radps, parts, pulses, sample_hz: file.sample_hz })
     }
 }
@@ -168,12 +177,12 @@ impl HarmonicEntry {
 impl PulseEntry {
     /// Harmonics of the plate's velocity, with their sign; a fault if not exactly one motion is given.
     fn motion(&self, at: &Path, faults: &mut Diagnostics) -> Option<Vec<TwistHarmonic>> {
-        let Self { cor_mm, omega_rad_s, direction_deg, speed_mps, harmonics, .. } = self;
+        let Self { cor_m, omega_rad_s, direction_rad, speed_mps, harmonics, .. } = self;
         let sign = f64::from(self.rotation);
-        let pump = match (*cor_mm, *omega_rad_s, *direction_deg, *speed_mps, harmonics) {
-            (Some(cor_mm), Some(omega_radps), None, None, None) => Twist::about(point_m(cor_mm), omega_radps),
-            (None, None, Some(direction_deg), Some(speed_mps), None) => {
-                let (sin, cos) = libm::sincos(direction_deg.to_radians());
+        let pump = match (*cor_m, *omega_rad_s, *direction_rad, *speed_mps, harmonics) {
+            (Some(cor_m), Some(omega_radps), None, None, None) => Twist::about(cor_m, omega_radps),
+            (None, None, Some(direction_rad), Some(speed_mps), None) => {
+                let (sin, cos) = libm::sincos(direction_rad);
                 Twist::new(speed_mps * cos, speed_mps * sin, 0.0)
             }
             (None, None, None, None, Some(harmonics)) => {
@@ -241,9 +250,9 @@ fn placed(file: &ExperimentFile, rig: &RigSpec, faults: &mut Diagnostics) -> Vec
         let Some(kind) = rig.known_kind(&part.kind, &at.key("kind"), faults) else { continue };
         let (Some(spec), Some(number)) = (rig.kinds.get(kind), numbers.get_mut(kind)) else { continue };
         *number += 1;
-        let (position_m, radius_m) = (point_m(part.position_mm), spec.kind.radius_m);
+        let (position_m, radius_m) = (part.position_m, spec.kind.radius_m);
         let at = at.key("position_mm");
-        for (k, found) in part.position_mm.into_iter().enumerate() {
+        for (k, found) in position_m.iter().map(|m| written_mm(*m)).enumerate() {
             let most_mm = mm_from_m(half_m);
             let allowed = format!("from -{most_mm} to {most_mm} (its centre on the plate)");
             faults.require(found.abs() <= most_mm, at.index(k), found, allowed);

@@ -2,24 +2,26 @@
 
 use super::clearance::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
 use super::fit::{FittedOutline, Growth};
-use super::read::{exactly_one, point_m};
+use super::read::exactly_one;
 use super::shape_file::{CircleShape, GridShape, LineShape, SvgShape, TargetRule, TextShape};
 use super::task::TaskContext;
 use upm_core::document::{Diagnostics, Path, counted, quoted};
 use upm_core::geometry::Vec2;
-use upm_core::units::{m_from_mm, mm_from_m};
 use upm_planning::shapes::{Drawing, Pattern, known_letters};
 
 impl TaskContext<'_> {
     /// One place per part, m. Faults where parts would not have room.
     pub(super) fn targets(
         &self,
-        typed_mm: Option<&[[f64; 2]]>,
+        typed_m: Option<&[Vec2]>,
         made: Option<&TargetRule>,
         faults: &mut Diagnostics,
     ) -> Option<Vec<Vec2>> {
-        match (typed_mm, made) {
-            (Some(targets_mm), None) => Some(self.typed_targets(targets_mm, faults)),
+        match (typed_m, made) {
+            (Some(targets_m), None) => {
+                self.check_typed(targets_m, faults);
+                Some(targets_m.to_vec())
+            }
             (None, Some(shape)) => self.made_targets(shape, &self.at.key("targets"), faults),
             (Some(_), Some(_)) => {
                 faults.push(self.at.key("targets"), "targets and targets_mm", "one of the two");
@@ -33,17 +35,15 @@ impl TaskContext<'_> {
         }
     }
 
-    fn typed_targets(&self, targets_mm: &[[f64; 2]], faults: &mut Diagnostics) -> Vec<Vec2> {
+    fn check_typed(&self, targets_m: &[Vec2], faults: &mut Diagnostics) {
         let at = self.at.key("targets_mm");
-        self.demand_one_each(targets_mm.len(), "target", &at, faults);
-        let targets_m: Vec<Vec2> = targets_mm.iter().copied().map(point_m).collect();
+        self.demand_one_each(targets_m.len(), "target", &at, faults);
         let discs: Vec<(Vec2, f64, Path)> =
             targets_m.iter().zip(&self.radii_m).zip(0..).map(|((&to, &radius), i)| (to, radius, at.index(i))).collect();
         for (target_m, radius_m, at) in &discs {
             check_inside(*target_m, *radius_m, self.half_m, REST_MARGIN_M, at, faults);
         }
         check_apart(&discs, REST_GAP_M, faults);
-        targets_m
     }
 
     fn made_targets(&self, shape: &TargetRule, at: &Path, faults: &mut Diagnostics) -> Option<Vec<Vec2>> {
@@ -65,8 +65,7 @@ impl TaskContext<'_> {
     }
 
     fn grid(&self, shape: &GridShape, at: Path, faults: &mut Diagnostics) -> Option<FittedOutline> {
-        let GridShape { center_mm, rows, columns, spacing_mm } = shape;
-        let center_m = point_m(*center_mm);
+        let &GridShape { center_m, rows, columns, spacing_m } = shape;
         let parts = self.kinds.len();
         if rows.is_none() && columns.is_none() {
             faults.push(&at, "neither rows nor columns", "rows, columns or both");
@@ -80,14 +79,13 @@ impl TaskContext<'_> {
             return None;
         }
         let [rows, columns] = [rows, columns].map(|number| number.map(|number| number as usize));
-        let pattern = Pattern::Grid { center_m, rows, columns, spacing_m: m_from_mm(*spacing_mm) };
-        Some(FittedOutline { at, pattern, growth: Growth { name: "spacing_mm", size_mm: vec![*spacing_mm], center_m } })
+        let pattern = Pattern::Grid { center_m, rows, columns, spacing_m };
+        Some(FittedOutline { at, pattern, growth: Growth { name: "spacing_mm", size_m: vec![spacing_m], center_m } })
     }
 
     fn text(&self, shape: &TextShape, at: Path, faults: &mut Diagnostics) -> Option<FittedOutline> {
-        let TextShape { string, height_mm, center_mm } = shape;
-        let center_m = point_m(*center_mm);
-        let drawing = Drawing::of_text(string, m_from_mm(*height_mm), center_m);
+        let &TextShape { ref string, height_m, center_m } = shape;
+        let drawing = Drawing::of_text(string, height_m, center_m);
         let in_string = at.key("string");
         match drawing {
             Ok(drawing) if drawing.fewest() == 0 => {
@@ -95,7 +93,7 @@ impl TaskContext<'_> {
                 None
             }
             Ok(drawing) => {
-                let growth = Growth { name: "height_mm", size_mm: vec![*height_mm], center_m };
+                let growth = Growth { name: "height_mm", size_m: vec![height_m], center_m };
                 self.drawn(drawing, growth, at, faults)
             }
             Err(unknown) => {
@@ -117,33 +115,27 @@ impl TaskContext<'_> {
 }
 
 fn line_of(shape: &LineShape, at: Path) -> FittedOutline {
-    let [from_m, to_m] = [shape.from_mm, shape.to_mm].map(point_m);
+    let &LineShape { from_m, to_m } = shape;
     let pattern = Pattern::Line { from_m, to_m };
-    let growth =
-        Growth { name: "length", size_mm: vec![mm_from_m((to_m - from_m).norm())], center_m: pattern.center_m() };
+    let growth = Growth { name: "length", size_m: vec![(to_m - from_m).norm()], center_m: pattern.center_m() };
     FittedOutline { at, pattern, growth }
 }
 
 fn circle_of(shape: &CircleShape, at: Path) -> FittedOutline {
-    let CircleShape { center_mm, radius_mm, start_deg, clockwise } = *shape;
-    let (center_m, radius_m) = (point_m(center_mm), m_from_mm(radius_mm));
-    let pattern = Pattern::Circle { center_m, radius_m, start_rad: start_deg.to_radians(), clockwise };
-    FittedOutline { at, pattern, growth: Growth { name: "radius_mm", size_mm: vec![radius_mm], center_m } }
+    let &CircleShape { center_m, radius_m, start_rad, clockwise } = shape;
+    let pattern = Pattern::Circle { center_m, radius_m, start_rad, clockwise };
+    FittedOutline { at, pattern, growth: Growth { name: "radius_mm", size_m: vec![radius_m], center_m } }
 }
 
 /// The drawing at `at`, whose path data has been written out.
 pub(super) fn drawing_of(shape: &SvgShape, at: &Path, faults: &mut Diagnostics) -> Option<(Drawing, Growth)> {
-    let SvgShape { d, width_mm, height_mm, center_mm, .. } = shape;
+    let &SvgShape { ref d, width_m, height_m, center_m, .. } = shape;
     if !exactly_one(shape, &["width_mm", "height_mm"], at, faults) {
         return None;
     }
-    let name = if width_mm.is_some() { "width_mm" } else { "height_mm" };
-    let [width_m, height_m] = [width_mm, height_mm].map(|mm| mm.map(m_from_mm));
-    let center_m = point_m(*center_mm);
+    let name = if width_m.is_some() { "width_mm" } else { "height_mm" };
     match Drawing::of_svg(d.as_deref()?, width_m, height_m, center_m) {
-        Ok(drawing) => {
-            Some((drawing, Growth { name, size_mm: width_mm.or(*height_mm).into_iter().collect(), center_m }))
-        }
+        Ok(drawing) => Some((drawing, Growth { name, size_m: width_m.or(height_m).into_iter().collect(), center_m })),
         Err(error) => {
             faults.push(at.key("d"), error, "SVG path data that draws up to 256 lines, such as M0 0 H10 V10 Z");
             None

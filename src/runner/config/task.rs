@@ -5,7 +5,7 @@ use super::kinds::{PartGroup, each_kind, part_ids};
 use super::rig::RigSpec;
 use upm_core::document::{Diagnostics, Path, counted};
 use upm_core::geometry::Vec2;
-use upm_core::units::{GRAVITY_MPS2, m_from_mm, mm_from_m};
+use upm_core::units::{GRAVITY_MPS2, mm_from_m, written_mm};
 use upm_planning::task::{BinParams, PathParams};
 use upm_sim::CameraParams;
 
@@ -70,26 +70,27 @@ pub(super) fn build(
     faults: &mut Diagnostics,
 ) -> Option<TaskSpec> {
     let scene = TaskContext::new(groups, rig);
-    if let TaskSection::PlusSign { corridor_mm, .. } | TaskSection::Trajectories { corridor_mm, .. } = task {
+    if let TaskSection::PlusSign { corridor_m, .. } | TaskSection::Trajectories { corridor_m, .. } = task {
         let narrowest_mm = (100.0 * mm_from_m(narrowest_m(rig, scene.kinds.len(), planner))).ceil() / 100.0;
         let allowed = format!("{narrowest_mm:.2} or more: sway, sensing and scatter of a part on {}", rig.model.name);
-        faults.require(*corridor_mm > narrowest_mm - 1e-9, scene.at.key("corridor_mm"), corridor_mm, allowed);
+        let found_mm = written_mm(*corridor_m);
+        faults.require(found_mm > narrowest_mm - 1e-9, scene.at.key("corridor_mm"), found_mm, allowed);
     }
     match task {
-        TaskSection::PlusSign { laps, edge_margin_mm, corridor_mm } => {
+        &TaskSection::PlusSign { laps, edge_margin_m, corridor_m } => {
             let found = counted(scene.kinds.len(), "part");
             faults.require(scene.kinds.len() == 1, Path::root().key("parts"), found, "exactly one part for plus_sign");
-            let edge_margin_m = m_from_mm(*edge_margin_mm);
             let most_m = scene.half_m - scene.radii_m.iter().copied().fold(0.0, f64::max);
             let allowed = format!("below {:.3} (else no branch is left)", mm_from_m(most_m));
-            faults.require(edge_margin_m < most_m, scene.at.key("edge_margin_mm"), edge_margin_mm, allowed);
-            Some(TaskSpec::PlusSign { laps: *laps, edge_margin_m, corridor_m: m_from_mm(*corridor_mm) })
+            let found_mm = written_mm(edge_margin_m);
+            faults.require(edge_margin_m < most_m, scene.at.key("edge_margin_mm"), found_mm, allowed);
+            Some(TaskSpec::PlusSign { laps, edge_margin_m, corridor_m })
         }
-        TaskSection::Trajectories { paths, in_phase, corridor_mm } => {
-            scene.trajectories(paths, *in_phase, *corridor_mm, faults)
+        TaskSection::Trajectories { paths, in_phase, corridor_m } => {
+            scene.trajectories(paths, *in_phase, *corridor_m, faults)
         }
-        TaskSection::Arrange { targets_mm, targets, assignment } => {
-            let targets_m = scene.targets(targets_mm.as_deref(), targets.as_deref(), faults)?;
+        TaskSection::Arrange { targets_m, targets, assignment } => {
+            let targets_m = scene.targets(targets_m.as_deref(), targets.as_deref(), faults)?;
             Some(TaskSpec::Arrange { targets_m, assignment: *assignment })
         }
         TaskSection::Sort { bins } => scene.sort(bins, faults),

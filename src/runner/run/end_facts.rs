@@ -8,7 +8,7 @@ use upm_control::{ExpectedPart, FinalState, RunEnd};
 use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
 use upm_core::rig::Rig;
 use upm_core::units::mm_from_m;
-use upm_recording::{PartReport, Report, StopReport, Verdict, rounded};
+use upm_recording::{IncidentReport, PartReport, Report, StopReport, Verdict, WorkReport, rounded};
 
 /// Allowance for the measurement error by which a true error may exceed the tolerance, mm.
 const SENSING_MM: f64 = 0.1;
@@ -35,6 +35,7 @@ pub(super) fn ending<R: Rig>(
         let begun = faults.iter().filter(|fault| fault.from <= rig.now());
         begun.map(fault_entry).collect()
     };
+    let laps = wanted.as_ref().map_or(0, |wanted| wanted.laps);
     Report {
         name: job.name.clone(),
         seed: job.seed(),
@@ -45,11 +46,10 @@ pub(super) fn ending<R: Rig>(
         reason,
         plate_time_s: setup.map_or(0.0, |setup| rounded(setup.rig.now().secs())),
         wall_time_s: rounded(wall_time_s),
-        laps: wanted.as_ref().map_or(0, |wanted| wanted.laps),
-        lost_parts: lost.len(),
+        work: WorkReport { laps, lost_parts: lost.len(), ..WorkReport::default() },
         parts: setup.map(parts_of).unwrap_or_default(),
         evidence,
-        faults: setup.map(faults_begun).unwrap_or_default(),
+        incidents: IncidentReport { faults: setup.map(faults_begun).unwrap_or_default(), ..IncidentReport::default() },
         ..Report::default()
     }
 }

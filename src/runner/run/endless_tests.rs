@@ -121,7 +121,7 @@ fn run_asked_to_give_way_ends_its_cycle_first_and_is_completed_when_endless() {
         let kinds: Vec<&str> = journal.iter().map(|line| line["type"].as_str().unwrap()).collect();
         assert_eq!(kinds[kinds.len() - 2..], ["cycle", "event"], "the cycle was not cut short");
         let sent: usize = journal.iter().map(|line| line["sent"].as_array().map_or(0, Vec::len)).sum();
-        assert_eq!(report.pulses, sent as u64);
+        assert_eq!(report.work.pulses, sent as u64);
         let cycles: Vec<f64> = journal.iter().filter_map(|line| line["ended_at_s"].as_f64()).collect();
         let longest_s = cycles.windows(2).map(|two| two[1] - two[0]).fold(0.0, f64::max);
         assert!(took_s <= longest_s, "{took_s} s, a cycle takes up to {longest_s} s");

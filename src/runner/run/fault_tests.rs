@@ -93,11 +93,11 @@ fn run_without_faults_keeps_its_bytes_and_writes_no_truth() {
     assert_eq!(plain.outcome, Outcome::Completed, "{}", plain.reason);
     assert_eq!(*journal, bytes(&none, "journal.jsonl"));
     assert!(!has_truth);
-    assert_eq!((plain.verdict, plain.faults.len()), (Some(Truth::True), 0));
+    assert_eq!((plain.verdict, plain.incidents.faults.len()), (Some(Truth::True), 0));
     // a fault that never begins changes only the record of it
     let (_c, later) = run_of(&json!([{"component": "coil0", "kind": "dead", "from_s": 1000.0}]));
     assert_eq!(*journal, bytes(&later, "journal.jsonl"));
-    assert_eq!(bytes(&later, folder::TRUTH_FILE).lines().count() as u64, later.report.frames);
+    assert_eq!(bytes(&later, folder::TRUTH_FILE).lines().count() as u64, later.report.work.frames);
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn faulty_run_is_reported_and_repeats_from_its_folder() {
         {"component": "part0", "kind": "moved", "value": [3, 0], "from_s": 0.5},
     ]);
     let (_out, done) = run_of(&faults);
-    assert_eq!(done.report.faults.len(), 4);
+    assert_eq!(done.report.incidents.faults.len(), 4);
     let effective: Value = serde_json::from_str(&bytes(&done, "effective.json")).unwrap();
     assert_eq!(effective["job"]["faults"][3]["kind"], "moved");
     let verified = || verify(&done.folder, &AtomicBool::new(false), &mut Fanout::default()).unwrap();
@@ -163,13 +163,13 @@ fn small_pulse_names_a_coil_before_a_part_has_moved() {
 fn noticed(fault: &str) -> (Option<String>, bool, Option<Truth>) {
     let job = with_small_pictures(job(&Value::Null));
     let (_folder, done) = played(&job.with_faults(&[fault.to_owned()]).unwrap());
-    let Report { outcome, stop, guards, verdict, reason, .. } = done.report;
+    let Report { outcome, stop, incidents, verdict, reason, .. } = done.report;
     if let Some(stop) = &stop {
         assert!(stop.code.pauses_plate(), "{fault}: {reason}");
         assert!(reason.contains("; "), "{fault}: without a remedy: {reason}");
     }
     let code = stop.map(|stop| serde_json::to_value(stop.code).unwrap().as_str().unwrap().to_owned());
-    (code.or_else(|| guards.last().map(|guard| guard.code.clone())), outcome == Outcome::Completed, verdict)
+    (code.or_else(|| incidents.guards.last().map(|guard| guard.code.clone())), outcome == Outcome::Completed, verdict)
 }
 
 #[test]

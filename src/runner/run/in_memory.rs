@@ -176,9 +176,9 @@ mod tests {
     fn run_without_pixels_takes_the_same_time_and_sees_what_is_hidden_as_hidden() {
         let run = |job: JobSpec| InMemoryRun::new(&job).unwrap().run();
         let (pixels, positions) = (&*PLAIN, run(job(json!([])).with_camera(CameraMode::Positions)));
-        assert_eq!(pixels.pulses, positions.pulses);
+        assert_eq!(pixels.work.pulses, positions.work.pulses);
         assert!((pixels.plate_time_s - positions.plate_time_s).abs() < 0.5, "{}", positions.plate_time_s);
-        let [off, seen_off] = [&positions, pixels].map(|report| report.sensing_rms_error_at_rest_mm.unwrap());
+        let [off, seen_off] = [&positions, pixels].map(|report| report.accuracy.sensing_rms_error_at_rest_mm.unwrap());
         assert!((0.5..2.0).contains(&(off / seen_off)), "{off} mm, in pictures {seen_off} mm");
         let covered = |to_s: f64| {
             let fault = json!([{"component": "view", "kind": "hand", "value": 0.5, "from_s": 0.5, "to_s": to_s}]);
@@ -224,7 +224,7 @@ mod tests {
         let job = job(json!([])).with_planner(PlannerChoice::SynthesizedField);
         let report = InMemoryRun::new(&job).unwrap().with_task(HoldForFrames(3)).run();
         // the probe is the first pulse of every run
-        assert_eq!((report.outcome, report.pulses), (Outcome::Completed, 1), "{}", report.reason);
+        assert_eq!((report.outcome, report.work.pulses), (Outcome::Completed, 1), "{}", report.reason);
         assert_eq!(report.verdict, None);
     }
 }

@@ -50,7 +50,7 @@ fn a_run_keeps_its_outcome_when_its_report_cannot_be_written() {
     let done = run_linked(&job, library, folder, &options, &clock, controls, &mut InTheWay(out.path())).unwrap();
     assert_eq!(done.report.outcome, Outcome::Completed, "{}", done.report.reason);
     assert!(
-        matches!(done.report.warnings.as_slice(), [text] if text.starts_with("cannot write ") && text.contains("report.json"))
+        matches!(done.report.incidents.warnings.as_slice(), [text] if text.starts_with("cannot write ") && text.contains("report.json"))
     );
     assert!(!done.folder.join("report.json").exists());
 }

@@ -5,6 +5,7 @@ use rand_distr::{Distribution, StandardUniform};
 use crate::config::Knocks;
 use upm_core::random::Streams;
 use upm_core::time::PlateTime;
+use upm_core::units::written_mm;
 use upm_sim::faults::{FaultKind, FaultSpec, FaultyComponent};
 
 /// The knocks of a run of at most `until_s` of plate time, from a separate random stream.
@@ -18,7 +19,7 @@ pub(super) fn drawn(knocks: &Knocks, until_s: f64, streams: &Streams) -> Vec<Fau
             return drawn;
         }
         let strength = 0.5 + draw();
-        let [x_mm, y_mm] = knocks.push_mm.map(|mm| strength * mm);
+        let [x_mm, y_mm] = [knocks.push_m.x, knocks.push_m.y].map(|m| strength * written_mm(m));
         drawn.push(FaultSpec {
             component: FaultyComponent::Plate,
             kind: FaultKind::Bumped,
@@ -56,7 +57,7 @@ mod tests {
 
     #[test]
     fn knocks_have_the_configured_rate_and_strength() {
-        let knocks = Knocks { every_s: 1.5, push_mm: [0.6, -0.8] };
+        let knocks = Knocks { every_s: 1.5, push_m: upm_core::geometry::Vec2::new(0.6e-3, -0.8e-3) };
         let drawn = |seed| drawn(&knocks, 1500.0, &Streams::new(seed));
         let all = drawn(3);
         assert!((960..1040).contains(&all.len()), "{}", all.len());

@@ -3,8 +3,6 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use serde_json::Value;
-
 use super::RunError;
 use crate::config::{Diagnostic, DiagnosticClass, JobSpec, LibraryRef, RigSpec, place_parts};
 use upm_core::document::reason;
@@ -19,9 +17,9 @@ const MADE_BY: &str = "a COR library, made by `upm calibrate`";
 pub fn job_library(job: &JobSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
     match &job.library {
         Some(LibraryRef::File(path)) => load_library(path, &job.library_key(), &job.rig),
-        Some(LibraryRef::Inline(members)) => {
+        Some(LibraryRef::Inline(library)) => {
             let file = format!("{}: library", job.file);
-            fitting(Library::from_json(&Value::Object(members.clone()).to_string(), &file)?, &file, &job.rig)
+            fitting(Library::from_value(library, &file)?, &file, &job.rig)
         }
         None => {
             let found = "nothing, in the job and in its rig";

@@ -67,9 +67,9 @@ fn run_continues_without_its_recording_and_warns() {
     let out = tempfile::tempdir().unwrap();
     let (done, state) = run_until(out.path(), 30);
     assert_eq!(state, RecordingState::Failed("the disk is full".into()));
-    assert!(done.report.frames > 100, "{}", done.report.frames);
+    assert!(done.report.work.frames > 100, "{}", done.report.work.frames);
     let text = "the recording ends early: the disk is full";
-    assert_eq!(done.report.warnings, [text]);
+    assert_eq!(done.report.incidents.warnings, [text]);
     let warnings = warnings(&done.folder);
     assert_eq!(warnings.len(), 1, "{warnings:?}");
     assert_eq!((&warnings[0]["level"], &warnings[0]["text"]), (&json!("warning"), &json!(text)));

@@ -152,7 +152,7 @@ fn an_emergency_stop_in_a_pulse_ends_the_run_and_nothing_is_played_after_it() {
         plate.stop.store(true, Ordering::Relaxed);
     };
     let stopped = StopRecord::run(&plate, false, 2, press, Some("emergency stop by the page"));
-    assert_eq!((stopped.report.outcome, stopped.report.pulses), (Outcome::Cancelled, 1));
+    assert_eq!((stopped.report.outcome, stopped.report.work.pulses), (Outcome::Cancelled, 1));
     assert_eq!(stopped.report.reason, "emergency stop by the page");
     assert_eq!(stopped.pulses, 1, "the pulse that was cut is not written down as one that was played");
     let tail = stopped.events.iter().rev().take(2).map(String::as_str);
@@ -224,7 +224,7 @@ fn run_on_a_tripped_plate_plays_nothing_and_reports_the_reason() {
     let stopped = StopRecord::run(&plate, false, 0, || (), None);
     let reason = RunEnd::from(RigFault::Stopped(Trip::EStop)).reason;
     assert_eq!((stopped.report.outcome, &stopped.report.reason), (Outcome::Cancelled, &reason));
-    assert_eq!((stopped.events.as_slice(), stopped.pulses, stopped.report.frames), ([reason].as_slice(), 0, 0));
+    assert_eq!((stopped.events.as_slice(), stopped.pulses, stopped.report.work.frames), ([reason].as_slice(), 0, 0));
     let files = RunFolder::reopen(&stopped.folder()).unwrap().files();
     assert_eq!(files, ["effective.json", "journal.jsonl", "report.json"]);
 }

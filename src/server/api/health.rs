@@ -69,6 +69,7 @@ pub(super) fn readiness_failures(observed: &Observed) -> Vec<Reason> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::supervisor::Observation;
     use upm_recording::RecordingState;
 
     impl Observed {
@@ -87,7 +88,7 @@ mod tests {
             let left = Plate {
                 age_s: Some(0.015),
                 job: Some(String::new()),
-                progress: 0.25,
+                observation: Observation { progress: 0.25, ..Observation::default() },
                 recording: Some(RecordingState::Writing { bytes: 4096 }),
                 ..plate("left", PlateState::Running)
             };

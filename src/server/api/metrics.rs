@@ -95,7 +95,7 @@ fn of_plates(scrape: &mut Scrape, plates: &[Plate]) {
     scrape.counter("estops", "Emergency stops", plates, |plate| plate.estops);
     scrape.gauge("frame_age", "Time since the newest camera frame", Some(Unit::Seconds), each(|plate| plate.age_s));
     let ratio = Some(Unit::Other("ratio".to_owned()));
-    let progress = each(|plate| plate.job.as_ref().map(|_| plate.progress));
+    let progress = each(|plate| plate.job.as_ref().map(|_| plate.observation.progress));
     scrape.gauge("job_progress", "Share of the running job that is done", ratio, progress);
     let recording = plates.iter().flat_map(|plate| {
         let now = match plate.recording {

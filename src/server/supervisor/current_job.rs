@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use super::Plate;
+use super::Observation;
 use super::watchdog::Heartbeat;
 use crate::store::JobId;
 use upm_core::job::StopRequest;
@@ -20,8 +20,8 @@ pub(crate) struct CurrentJob {
     pub end_run: Arc<AtomicBool>,
     pub(super) heartbeat: Heartbeat,
     pub pacing: Arc<PacingStats>,
-    /// The newest observation of the parts, in the members of a plate that tell it, and when it was made.
-    seen: Mutex<(Plate, Option<Duration>)>,
+    /// The newest observation of the parts, and when it was made.
+    seen: Mutex<(Observation, Option<Duration>)>,
     /// The job's layout, once its text has been read.
     pub layout: Mutex<Option<JobLayout>>,
 }
@@ -123,14 +123,14 @@ impl CurrentJob {
     }
 
     /// Stores an observation of the parts; skipped while another thread reads the last one.
-    pub fn set_observation(&self, observation: &Plate, now: Duration) {
+    pub fn set_observation(&self, observation: &Observation, now: Duration) {
         let Some(mut seen) = self.seen.try_lock() else { return };
         seen.0.clone_from(observation);
         seen.1 = Some(now);
     }
 
     /// The newest observation of the parts, and when it was made.
-    pub(super) fn seen(&self) -> (Plate, Option<Duration>) {
+    pub(super) fn seen(&self) -> (Observation, Option<Duration>) {
         self.seen.lock().clone()
     }
 }

@@ -12,7 +12,7 @@ use super::emergency_stop::EmergencyStop;
 use super::job_rules::{JobRules, Standing};
 use super::latch::StopToken;
 use super::preview::FramePreview;
-use super::{Plate, PlateState, ResetFault};
+use super::{Observation, Plate, PlateState, ResetFault};
 use crate::states::PauseCause;
 use crate::store::{AuditEntry, JobId, Store};
 use upm_core::job::{LayoutPart, StopRequest};
@@ -140,11 +140,11 @@ impl PlateHandle {
     /// The state of the plate now, without the number of jobs queued for it.
     pub fn snapshot(&self) -> Plate {
         let (paused, running) = (self.paused(), self.job.running());
-        let (mut plate, at) = self.job.seen();
+        let (mut observation, at) = self.job.seen();
         // parts stay where the last job left them; what it was about is over
         if running.is_none() {
-            let Plate { positions_mm, radii_mm, at_s, .. } = plate;
-            plate = Plate { positions_mm, radii_mm, at_s, ..Plate::default() };
+            let Observation { positions_mm, radii_mm, at_s, .. } = observation;
+            observation = Observation { positions_mm, radii_mm, at_s, ..Observation::default() };
         }
         let (state, why, pause) = match (self.emergency_stop.holds(), paused, &running) {
             (true, ..) => (PlateState::Stopped, "emergency stop".to_owned(), None),
@@ -176,7 +176,8 @@ impl PlateHandle {
             },
             estops: self.emergency_stop.count.load(Ordering::Relaxed),
             recording,
-            ..plate
+            observation,
+            queued: 0,
         }
     }
 

@@ -1,6 +1,6 @@
 use super::preview::OverlayMark;
 use crate::states::PlateFinding;
-use crate::supervisor::{Plate, PlateHandle};
+use crate::supervisor::{Observation, PlateHandle};
 use upm_control::{CycleFacts, EventFacts, EventKind, EventLevel, FrameFacts, LocalisedFacts, Reason, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::time::{Clock, PlateTime};
@@ -12,7 +12,7 @@ use upm_perception::vision::{Table, Track};
 pub(super) struct RunObserver<'a> {
     shared: &'a PlateHandle,
     clock: &'a dyn Clock,
-    observation: Plate,
+    observation: Observation,
     targets_m: Vec<Vec2>,
     table: Option<Table>,
 }
@@ -20,7 +20,7 @@ pub(super) struct RunObserver<'a> {
 impl<'a> RunObserver<'a> {
     pub fn new(shared: &'a PlateHandle, clock: &'a dyn Clock, radii_m: Vec<f64>) -> Self {
         let radii_mm = radii_m.into_iter().map(mm_from_m).collect();
-        let observation = Plate { radii_mm, ..Plate::default() };
+        let observation = Observation { radii_mm, ..Observation::default() };
         Self { shared, clock, observation, targets_m: Vec::new(), table: None }
     }
 

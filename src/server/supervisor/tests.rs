@@ -160,7 +160,7 @@ fn job_runs_to_its_end_and_leaves_its_files() {
     for file in ["effective.json", "journal.jsonl", "report.json"] {
         assert!(folder.join(file).exists(), "{file}");
     }
-    let Plate { positions_mm, targets_mm, progress, phase, .. } = plate.snapshot();
+    let Observation { positions_mm, targets_mm, progress, phase, .. } = plate.snapshot().observation;
     assert_eq!((positions_mm.len(), targets_mm.len(), progress, phase.as_str()), (2, 0, 0.0, ""), "the job is over");
     assert_eq!(plates.alive(), Ok(()));
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());

@@ -28,33 +28,21 @@ pub struct Plate {
     pub why: String,
     /// The cause of its pause; null unless it is paused.
     pub pause: Option<PauseCause>,
-    /// Current findings of the run on it that an operator should know of.
-    pub findings: Vec<PlateFinding>,
+    /// The newest observation of the run on it.
+    #[serde(flatten)]
+    pub observation: Observation,
     /// Id of the job on it; null when there is none.
     pub job: Option<String>,
     /// The job that runs whenever its queue is empty; null when none is configured.
     pub standing_job: Option<StandingJob>,
     /// Number of jobs queued for it.
     pub queued: u64,
-    /// Plate time of the observation shown, from the start of its job, s.
-    pub at_s: f64,
     /// Wall time since that observation, s; null before the first.
     pub age_s: Option<f64>,
     /// Side of the square plate, mm. Its centre is the origin of all positions.
     pub side_mm: f64,
     /// The kinds of parts that its rig knows.
     pub kinds: Vec<LayoutPart>,
-    /// Position of each part, mm.
-    pub positions_mm: Vec<[f64; 2]>,
-    /// Radius of each part, mm.
-    pub radii_mm: Vec<f64>,
-    /// Target position of each part, mm.
-    pub targets_mm: Vec<[f64; 2]>,
-    /// Share of the job that is done, 0 to 1.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub progress: f64,
-    /// Current activity, as text.
-    pub phase: String,
     /// Frames that came more than one frame late, since the daemon started.
     pub deadline_misses: u64,
     /// Lag of plate time behind the clock in the present or last run, s: this computer was too slow.
@@ -67,6 +55,26 @@ pub struct Plate {
     /// State of the recording of the job on it.
     #[serde(skip)]
     pub recording: Option<RecordingState>,
+}
+
+/// A run at one moment.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Observation {
+    /// Current findings of the run on it that an operator should know of.
+    pub findings: Vec<PlateFinding>,
+    /// Plate time of the observation shown, from the start of its job, s.
+    pub at_s: f64,
+    /// Position of each part, mm.
+    pub positions_mm: Vec<[f64; 2]>,
+    /// Radius of each part, mm.
+    pub radii_mm: Vec<f64>,
+    /// Target position of each part, mm.
+    pub targets_mm: Vec<[f64; 2]>,
+    /// Share of the job that is done, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub progress: f64,
+    /// Current activity, as text.
+    pub phase: String,
 }
 
 /// Why a plate was not reset.

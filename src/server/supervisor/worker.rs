@@ -109,7 +109,7 @@ impl PlateWorker {
         let folder = self.shared.store.runs().join(claimed.row.folder.as_deref().unwrap_or_default());
         let done = self.play(claimed, &folder, &recording, journal);
         let cause = self.shared.job.end();
-        let lost_parts = done.as_ref().map_or(0, |run| run.report.lost_parts);
+        let lost_parts = done.as_ref().map_or(0, |run| run.report.work.lost_parts);
         let stop = done.as_ref().ok().and_then(|run| run.report.stop.clone());
         let stopped_by_guard = stop.as_ref().is_some_and(|stop| stop.code.pauses_plate());
         let is_cancelled = cause.is_some_and(|stop| stop.cause == StopCause::Asked(StopRequest::Cancelled));

@@ -46,18 +46,18 @@ struct FileReport {
     is_failure: bool,
 }
 
-/// Contents of a file, or its faults.
-pub(super) type CheckFinding = Result<ValidFile, Vec<String>>;
+/// A valid file, or its faults.
+pub(super) type CheckResult = Result<ValidFile, Vec<String>>;
 
 pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
     if let Some(path) = &args.picture {
         check_picture_name(path, args.files.len())?;
     }
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::of_files)?;
-    let findings: Vec<(&Path, CheckFinding)> =
+    let results: Vec<(&Path, CheckResult)> =
         args.files.iter().map(|path| (path.as_path(), check_file(path, rig.as_ref(), args.plan, common))).collect();
-    for (file, finding) in &findings {
-        let Ok(ValidFile { says, report, .. }) = finding else { continue };
+    for (file, result) in &results {
+        let Ok(ValidFile { says, report, .. }) = result else { continue };
         let file = file.display();
         if args.plan && report.as_ref().is_none_or(|report| report.key != "plan") {
             return Err(Failure::bad_input(format!("--plan: expected jobs alone, found {file}, a {says}")));
@@ -68,22 +68,22 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
             std::fs::write(picture, upm_chart::svg(chart)).map_err(|error| Failure::write(picture, error))?;
         }
     }
-    show(&findings, common)?;
-    Ok(findings.iter().map(|(_, finding)| status(finding)).max().unwrap_or(0))
+    show(&results, common)?;
+    Ok(results.iter().map(|(_, result)| status(result)).max().unwrap_or(0))
 }
 
-/// Prints the findings of files.
-pub(super) fn show(findings: &[(&Path, CheckFinding)], common: Common) -> Result<(), Failure> {
+/// Prints the results of files.
+pub(super) fn show(results: &[(&Path, CheckResult)], common: Common) -> Result<(), Failure> {
     if common.json {
-        print_json(&findings.iter().map(|(path, finding)| row(path, finding)).collect::<Vec<_>>())
+        print_json(&results.iter().map(|(path, result)| row(path, result)).collect::<Vec<_>>())
     } else {
-        findings.iter().try_for_each(|(path, finding)| print(path, finding))
+        results.iter().try_for_each(|(path, result)| print(path, result))
     }
 }
 
-/// Exit status for the finding of a file.
-fn status(finding: &CheckFinding) -> u8 {
-    match finding {
+/// Exit status for the result of a file.
+fn status(result: &CheckResult) -> u8 {
+    match result {
         Err(_) => BAD_INPUT,
         Ok(ValidFile { report: Some(report), .. }) if report.is_failure => NOT_REACHED,
         Ok(_) => 0,
@@ -102,30 +102,30 @@ fn check_picture_name(path: &Path, files: usize) -> Result<(), Failure> {
     Ok(())
 }
 
-fn row(path: &Path, finding: &CheckFinding) -> Value {
-    let found = finding.as_ref().ok();
+fn row(path: &Path, result: &CheckResult) -> Value {
+    let valid = result.as_ref().ok();
     let mut row = json!({
         "file": path.display().to_string(),
-        "valid": finding.is_ok(),
-        "says": found.map(|found| &found.says),
-        "faults": finding.as_ref().err(),
+        "valid": result.is_ok(),
+        "says": valid.map(|file| &file.says),
+        "faults": result.as_ref().err(),
     });
-    if let Some(report) = found.and_then(|found| found.report.as_ref()) {
+    if let Some(report) = valid.and_then(|file| file.report.as_ref()) {
         row[report.key] = report.json.clone();
     }
-    if let Some(found) = found.filter(|found| !found.warnings.is_empty()) {
-        row["warnings"] = json!(found.warnings);
+    if let Some(file) = valid.filter(|file| !file.warnings.is_empty()) {
+        row["warnings"] = json!(file.warnings);
     }
     row
 }
 
-fn print(path: &Path, finding: &CheckFinding) -> Result<(), Failure> {
-    match finding {
-        Ok(found) => {
-            outln!("{}: ok, {}", path.display(), found.says)?;
-            let mut lines = found.report.iter().flat_map(|report| &report.lines);
+fn print(path: &Path, result: &CheckResult) -> Result<(), Failure> {
+    match result {
+        Ok(file) => {
+            outln!("{}: ok, {}", path.display(), file.says)?;
+            let mut lines = file.report.iter().flat_map(|report| &report.lines);
             lines.try_for_each(|line| outln!("  {line}"))?;
-            found.warnings.iter().for_each(|warning| errln!("upm: warning: {warning}"));
+            file.warnings.iter().for_each(|warning| errln!("upm: warning: {warning}"));
         }
         Err(faults) => faults.iter().for_each(|fault| errln!("upm: {fault}")),
     }
@@ -134,7 +134,7 @@ fn print(path: &Path, finding: &CheckFinding) -> Result<(), Failure> {
 
 /// Validates a file as the kind that its keys indicate; a library also against the rig given. Makes dry runs of a job
 /// that is to be planned.
-fn check_file(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Common) -> CheckFinding {
+fn check_file(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Common) -> CheckResult {
     let value = text_of(path).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
     let says = match value.as_ref().and_then(Document::of) {
         Some(Document::Library) => return check_library(path, rig),
@@ -180,7 +180,7 @@ fn check_rig(path: &Path) -> Result<String, Vec<String>> {
     Ok(format!("rig {}, {:.0} mm plate, {library}", rig.model.name, rig.model.plate_side_m * 1e3))
 }
 
-fn check_job(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Common) -> CheckFinding {
+fn check_job(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Common) -> CheckResult {
     let job = match rig {
         Some(rig) => JobSpec::load_on(path, rig),
         None => JobSpec::load(path),
@@ -202,7 +202,7 @@ fn check_job(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Commo
     Ok(ValidFile { says, report, warnings })
 }
 
-fn check_library(path: &Path, rig: Option<&RigSpec>) -> CheckFinding {
+fn check_library(path: &Path, rig: Option<&RigSpec>) -> CheckResult {
     let library = Library::load(path).map_err(lines)?;
     let faults = rig.map(|rig| library_faults(&library, &path.display().to_string(), rig)).unwrap_or_default();
     if !faults.is_empty() {

@@ -36,7 +36,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let result = run_job(&job, library, &options, &clock, &stop, &pacing, &mut progress);
     progress.finish();
     let result = result.map_err(|error| run_failure(&error))?;
-    for warning in &result.report.warnings {
+    for warning in &result.report.incidents.warnings {
         tracing::warn!("{warning}");
     }
     if common.json {

@@ -2,7 +2,9 @@ use super::output::Failure;
 use super::progress::behind;
 use upm_core::document::counted;
 use upm_core::job::CameraMode;
-use upm_recording::{CycleError, PacingReport, PathReport, PlannerReport, PredictionError, Report, Verdict};
+use upm_recording::{
+    AccuracyReport, CycleError, PacingReport, PathReport, PlannerReport, PredictionError, Report, Verdict, WorkReport,
+};
 use upm_runner::config::JobSpec;
 use upm_runner::run::RunResult;
 
@@ -23,12 +25,13 @@ pub(super) fn print_summary(job: &JobSpec, result: &RunResult, verbose: bool) ->
 /// Figures of a run with their labels; `verbose` adds the errors of forecasts, cycles and sensing.
 pub(super) fn rows(report: &Report, verbose: bool) -> Vec<(&'static str, String)> {
     let faster = report.plate_time_s / report.wall_time_s.max(1e-9);
+    let WorkReport { frames, cycles, pulses, laps, collisions, lost_parts } = report.work;
     let mut rows = vec![
         (
             "plate time",
             format!("{:.1} s, run in {:.1} s ({faster:.1} times faster)", report.plate_time_s, report.wall_time_s),
         ),
-        ("work", format!("{} cycles, {} pulses, {} frames", report.cycles, report.pulses, report.frames)),
+        ("work", format!("{cycles} cycles, {pulses} pulses, {frames} frames")),
     ];
     if report.camera != CameraMode::Pixels {
         rows.push(("camera", "positions in place of pictures".into()));
@@ -40,8 +43,8 @@ pub(super) fn rows(report: &Report, verbose: bool) -> Vec<(&'static str, String)
         let missed = format!("{misses} missed, by up to {}{}", counted(worst as usize, "frame"), behind(behind_s));
         rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed }));
     }
-    if report.laps > 0 {
-        rows.push(("laps", report.laps.to_string()));
+    if laps > 0 {
+        rows.push(("laps", laps.to_string()));
     }
     let PathReport { cross_track_rms_mm, cross_track_max_mm, travel_ratio, .. } = report.path;
     if let (Some(rms), Some(max)) = (cross_track_rms_mm, cross_track_max_mm) {
@@ -55,33 +58,33 @@ pub(super) fn rows(report: &Report, verbose: bool) -> Vec<(&'static str, String)
         rows.push(("phase error", format!("{:.1} % of a period at most", 100.0 * most)));
     }
     if verbose {
-        rows.extend(loop_errors(report));
+        rows.extend(loop_errors(&report.accuracy));
     }
     if report.verdict == Some(Verdict::FalseSuccess) {
         rows.push(("false success", "the truth says that a part is not at its place".to_owned()));
     }
-    if let Some(error) = report.max_error_mm {
+    if let Some(error) = report.accuracy.max_error_mm {
         rows.push(("final error", format!("{error:.2} mm at most")));
     }
-    if let Some(collisions) = report.collisions.filter(|&touches| touches > 0) {
+    if let Some(collisions) = collisions.filter(|&touches| touches > 0) {
         rows.push(("collisions", collisions.to_string()));
     }
-    if report.lost_parts > 0 {
-        rows.push(("lost parts", report.lost_parts.to_string()));
+    if lost_parts > 0 {
+        rows.push(("lost parts", lost_parts.to_string()));
     }
     rows
 }
 
 /// Errors of forecasts, cycles and sensing.
-fn loop_errors(report: &Report) -> impl Iterator<Item = (&'static str, String)> {
-    let prediction = report.prediction_error_mm.map(|PredictionError { library, learned }| {
+fn loop_errors(accuracy: &AccuracyReport) -> impl Iterator<Item = (&'static str, String)> {
+    let prediction = accuracy.prediction_error_mm.map(|PredictionError { library, learned }| {
         ("forecast error", format!("{library:.3} mm rms from calibration, {learned:.3} mm after learning"))
     });
-    let cycle = report.cycle_error_mm.map(|CycleError { mean, max }| {
+    let cycle = accuracy.cycle_error_mm.map(|CycleError { mean, max }| {
         ("cycle error", format!("{mean:.2} mm off the subgoals, {max:.2} mm at most (E, mean of the parts)"))
     });
     let sensing =
-        report.sensing_rms_error_mm.map(|rms| ("sensing error", format!("{rms:.3} mm rms against the truth")));
+        accuracy.sensing_rms_error_mm.map(|rms| ("sensing error", format!("{rms:.3} mm rms against the truth")));
     [prediction, cycle, sensing].into_iter().flatten()
 }
 

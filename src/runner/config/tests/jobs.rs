@@ -98,7 +98,7 @@ fn a_run_folder_needs_no_other_file() {
         JobSpec::from_json(&whole.to_string(), &super::super::Origin::of_file("run/effective.json".as_ref()), None)
             .unwrap();
     assert_eq!(again.seed(), 99);
-    assert!(matches!(&again.library, Some(LibraryRef::Inline(members)) if members["rig"] == "upm-1"));
+    assert!(matches!(&again.library, Some(LibraryRef::Inline(library)) if library["rig"] == "upm-1"));
     assert_eq!((again.rig.model, again.task), (spec.rig.model, spec.task));
     whole["library"]["entries"] = json!([]);
     let line = "library.entries: expected a list of 3 or more items (an object each), found a list of 0";

@@ -82,7 +82,7 @@ fn knocks_are_read_and_leave_the_fingerprint() {
     set(&mut document, "/simulation/knocks", knocks(2.0, [13.0, -13.0]));
     let knocked = rig(&document).unwrap();
     let read = knocked.document.simulation.knocks.unwrap();
-    assert_eq!((read.every_s, read.push_mm), (2.0, [13.0, -13.0]));
+    assert_eq!((read.every_s, read.push_m), (2.0, Vec2::new(0.013, -0.013)));
     assert_eq!(knocked.fingerprint, quiet.fingerprint, "a knocked rig is the same rig");
 }
 

@@ -88,7 +88,7 @@ fn finding_of_the_run_is_shown_while_it_holds_with_a_remedy() {
     let fault = r#""faults": [{"component": "camera", "kind": "dark", "from_s": 0.5, "to_s": 2.0}], "seed""#;
     let id = test_plates.submit(plate, &HOLD.replace("\"seed\"", fault), Pace::RealTime);
     until_seen(plate, &id);
-    let shown = || plate.snapshot().findings;
+    let shown = || plate.snapshot().observation.findings;
     assert_eq!(shown(), [], "all is well at first");
     let held = eventually("a finding", || shown().pop());
     assert_eq!(held.code, "camera_dark");

@@ -58,7 +58,7 @@ fn until(plate: &PlateHandle, state: StandingState) -> String {
 fn cycling(plate: &PlateHandle) -> JobId {
     eventually("the standing job runs", || {
         let snapshot = plate.snapshot();
-        let runs = snapshot.standing_job?.state == StandingState::Running && !snapshot.phase.is_empty();
+        let runs = snapshot.standing_job?.state == StandingState::Running && !snapshot.observation.phase.is_empty();
         snapshot.job.filter(|_| runs).and_then(|id| JobId::parse(&id))
     })
 }

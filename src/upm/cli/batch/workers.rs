@@ -83,7 +83,7 @@ impl SeedBatch<'_> {
         let (library, pacing) = (Arc::clone(&self.library), PacingStats::default());
         match run_job(&job, library, &options, &self.clock, &stop, &pacing, &mut watcher) {
             Ok(result) => {
-                result.report.warnings.iter().for_each(|warning| self.note(seed, EventLevel::Error, warning));
+                result.report.incidents.warnings.iter().for_each(|warning| self.note(seed, EventLevel::Error, warning));
                 SeedRun::of(&result.report, &result.folder, status_of(&result.report))
             }
             Err(error) => {

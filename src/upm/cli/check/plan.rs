@@ -69,15 +69,15 @@ impl<'a> PlanReport<'a> {
         let ending = |(reason, times): &(&str, usize)| json!({ "reason": reason, "times": times });
         let met = |(limit, cycles): &(&str, u64)| json!({ "limit": limit, "cycles": cycles });
         let dry_runs = forecast.dry_runs.iter().map(|dry_run| {
-            let Report { seed, reason, plate_time_s, cycles, pulses, prediction_error_mm, .. } = &dry_run.report;
+            let Report { seed, reason, plate_time_s, work, accuracy, .. } = &dry_run.report;
             json!({
                 "seed": seed,
                 "completed": dry_run.report.reached_goal(),
                 "reason": reason,
                 "plate_time_s": rounded(*plate_time_s),
-                "cycles": cycles,
-                "pulses": pulses,
-                "prediction_error_mm": prediction_error_mm.map(|error| error.learned),
+                "cycles": work.cycles,
+                "pulses": work.pulses,
+                "prediction_error_mm": accuracy.prediction_error_mm.map(|error| error.learned),
             })
         });
         let parts = forecast.parts.iter().map(|part| {

@@ -88,7 +88,7 @@ fn rows(job: &Job, verbose: bool) -> Vec<(&'static str, String)> {
     let report: Option<Report> = report.and_then(|report| serde_json::from_value(report).ok());
     if let Some(report) = report {
         rows.extend(summary::rows(&report, verbose));
-        rows.extend(report.warnings.into_iter().map(|warning| ("warning", warning)));
+        rows.extend(report.incidents.warnings.into_iter().map(|warning| ("warning", warning)));
     }
     rows
 }
@@ -108,11 +108,11 @@ pub(super) fn plate_line(plate: &Plate) -> String {
             plate.standing_job.as_ref().map(|standing| standing_line(standing, name)).unwrap_or_default()
         }
         PlateState::Running if plate.standing_job.as_ref().is_some_and(is_running) => {
-            format!("standing job {}{behind}  {}", plate.job.as_deref().unwrap_or_default(), plate.phase)
+            format!("standing job {}{behind}  {}", plate.job.as_deref().unwrap_or_default(), plate.observation.phase)
         }
         PlateState::Running => {
             let job = plate.job.as_deref().unwrap_or("a job");
-            format!("{:3.0} % of {job}{behind}  {}", 100.0 * plate.progress, plate.phase)
+            format!("{:3.0} % of {job}{behind}  {}", 100.0 * plate.observation.progress, plate.observation.phase)
         }
         PlateState::Paused => format!("{why} (upm resume {name})"),
         PlateState::Stopped => format!("{why} (upm reset {name} --operator NAME --reason TEXT)"),
