@@ -177,9 +177,9 @@ impl ControlCycle<'_, '_> {
         let (at, places_m) = (started_at + planner.period_s(), planner.next_places_m());
         let mut wanted = self.task.next(at, &places_m);
         self.io.sink.setpoints(at, &wanted);
-        if wanted.done {
+        if wanted.asks_nothing(&places_m) {
             if let (ends_m, true) = self.fades_out()
-                && self.task.next(at, &ends_m).done
+                && self.task.next(at, &ends_m).asks_nothing(&ends_m)
             {
                 return Continue(None);
             }

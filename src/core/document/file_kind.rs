@@ -26,14 +26,18 @@ impl Document {
 
     /// The kind of `value`, judged by its keys.
     pub fn of(value: &Value) -> Option<Self> {
-        Self::ALL.into_iter().find(|document| value.get(document.key()).is_some())
+        Self::ALL.into_iter().find(|document| document.is_of(value))
     }
 
     /// The kind that `schema` asks of `value`, and the kind it is instead. `None` without evidence of another kind.
     pub(crate) fn mistaken(value: &Value, schema: &Value) -> Option<(Self, Self)> {
         let wanted = Self::of(schema.get("properties")?)?;
-        let is_wanted = value.get(wanted.key()).is_some();
-        Self::of(value).filter(|_| !is_wanted).map(|found| (wanted, found))
+        Self::of(value).filter(|_| !wanted.is_of(value)).map(|found| (wanted, found))
+    }
+
+    fn is_of(self, value: &Value) -> bool {
+        // the tasks of a job may be a list
+        value.get(self.key()).is_some() || self == Self::Job && value.get("tasks").is_some()
     }
 
     /// The kind's name with its article.
@@ -46,7 +50,7 @@ impl Document {
         self.facts()[1]
     }
 
-    /// The key that this kind requires and no other kind has.
+    /// The key that no other kind has; a job has it or `tasks`.
     pub fn key(self) -> &'static str {
         self.facts()[2]
     }
