@@ -20,6 +20,7 @@ mod library;
 #[cfg(test)]
 mod lost_tests;
 mod machine;
+mod movie;
 #[cfg(test)]
 mod moving_stop_tests;
 mod paced;
@@ -63,6 +64,7 @@ pub use folder::RunFolder;
 pub use in_memory::InMemoryRun;
 pub use library::{LibraryOutput, check_places, job_library, library_faults, load_library, rig_library};
 pub use machine::{maker, maker_of};
+pub use movie::movie;
 pub use paced::PacingStats;
 pub use planner_selection::PlannerSelection;
 pub use setup::{RunSetup, TruthInJobOrder, planner_params};
