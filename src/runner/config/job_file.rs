@@ -1,4 +1,4 @@
-//! A job file as a person writes it.
+//! A job file as a person writes it. Fields are SI; their comments, which the schema prints, have the file's units.
 
 use std::path::PathBuf;
 
@@ -107,7 +107,8 @@ pub(crate) struct PartsEntry {
     pub(crate) count: u32,
     /// Where it starts, mm; only with count 1. Left out: at random, by the seed.
     #[serde(rename = "position_mm", default, with = "optional_mm_point")]
-    #[schemars(with = "Option<[f64; 2]>", inner(range(min = -1000.0, max = 1000.0)))]
+    #[schemars(with = "Option<[f64; 2]>", skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub(crate) position_m: Option<Vec2>,
 }
 
@@ -148,7 +149,8 @@ pub(crate) enum TaskSection {
     Arrange {
         /// One place for each part, in the order of `parts`, mm. Either this or `targets`.
         #[serde(rename = "targets_mm", default, with = "optional_mm_points")]
-        #[schemars(with = "Option<Vec<[f64; 2]>>", length(min = 1, max = 64), inner(inner(range(min = -1000.0, max = 1000.0))))]
+        #[schemars(with = "Option<Vec<[f64; 2]>>", skip_serializing_if = "Option::is_none")]
+        #[schemars(length(min = 1, max = 64), inner(inner(range(min = -1000.0, max = 1000.0))))]
         targets_m: Option<Vec<Vec2>>,
         /// A rule that makes the places.
         targets: Option<Box<TargetRule>>,
@@ -177,7 +179,8 @@ pub(crate) enum TaskSection {
 pub(crate) struct PathEntry {
     /// Corners of the path, mm, in order.
     #[serde(rename = "waypoints_mm", default, with = "optional_mm_points")]
-    #[schemars(with = "Option<Vec<[f64; 2]>>", length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
+    #[schemars(with = "Option<Vec<[f64; 2]>>", skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
     pub(crate) waypoints_m: Option<Vec<Vec2>>,
     /// All round a circle.
     pub(crate) circle: Option<CircleShape>,
