@@ -7,8 +7,8 @@ import { watch } from './events.js';
 const LINES = 200;
 
 export class Watched {
-  /** `changed()` is called when the job's state did, `close()` when it is no longer to be watched, `foresee(plate, ways)`
-      with where the parts of a cycle without a pause were to go. */
+  /** `changed()` is called when the job's state did, `close()` when it is no longer to be watched, and
+      `foresee(plate, ways)` with where the parts of a cycle without a pause were to go. */
   constructor(job, changed, close, foresee) {
     this.job = job;
     this.foresee = foresee;
