@@ -148,6 +148,9 @@ impl TableView {
 
     /// Logs this cycle's centres of rotation, numbered in playing order.
     fn log_centers(&self, stream: &RunStream, pulses: &[PlannedPulse], library: &Library) -> LogResult {
+        if let [PlannedPulse::Field(_), ..] = pulses {
+            return Ok(());
+        }
         let window_m = WINDOW * self.half_side_m;
         let chosen = pulses.iter().enumerate().filter_map(|(j, pulse)| {
             let PlannedPulse::Rotation(pulse) = pulse else { return None };
@@ -215,8 +218,13 @@ const MOMENTS: usize = 256;
 
 /// The plate's velocity at moments spread evenly over one base period.
 fn over_a_period(wave: &TwistWave) -> impl Iterator<Item = Twist> + '_ {
-    let step_s = TAU / wave.base_radps / MOMENTS as f64;
-    (0..MOMENTS).map(move |i| wave.at(step_s * i as f64))
+    let turns: Vec<(f64, f64)> = (0..MOMENTS).map(|i| libm::sincos(TAU * i as f64 / MOMENTS as f64)).collect();
+    (0..MOMENTS).map(move |i| {
+        (1..).zip(&wave.harmonics).fold(Twist::ZERO, |sum, (k, harmonic)| {
+            let (sin, cos) = turns[k * i % MOMENTS];
+            sum + harmonic.cos * cos + harmonic.sin * sin
+        })
+    })
 }
 
 /// The direction in which friction pulls a part at rest at `p_m`, times its share of sliding friction: the mean of the

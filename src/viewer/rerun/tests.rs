@@ -3,7 +3,7 @@ use std::net::TcpListener;
 use std::path::Path;
 use std::sync::Arc;
 
-use re_sdk_types::archetypes::{Ellipses2D, Transform3D};
+use re_sdk_types::archetypes::{Ellipses2D, Scalars, Transform3D};
 use rerun::EntityPath;
 use rerun::external::re_log_encoding::DecoderApp;
 use rerun::log::{Chunk, LogMsg};
@@ -16,7 +16,7 @@ use upm_fixtures::{
     rig,
     synthetic_run::{self, SyntheticRun},
 };
-use upm_planning::planner::PlanningMethod;
+use upm_planning::planner::{PlannedPulse, PlanningMethod};
 use upm_recording::{RecordingOptions, RerunMode};
 
 pub(super) fn context(run: &SyntheticRun) -> RunContext {
@@ -190,6 +190,39 @@ fn fields_are_shown_by_their_effect_on_the_parts() {
     }
     let shown: String = blueprint.chunks().map(|chunk| chunk.to_string()).collect();
     assert!(shown.contains("plan/harmonics_mm_s") && !shown.contains("plan/d_mm"), "the panel shows what there is");
+}
+
+#[test]
+fn a_run_without_pauses_shows_speeds_and_planning_beside_the_segment() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let mut run = SyntheticRun::new(2);
+    (run.plans_fields, run.wall_us) = (true, 180.0);
+    let context = RunContext { method: PlanningMethod::MovingField, ..context(&run) };
+    let mut memory = SeenFacts::default();
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, context, &recording_options()).unwrap();
+    run.localise(&mut sink);
+    (0..3).for_each(|_| run.cycle(&mut sink));
+    run.cycle(&mut memory);
+    sink.finish().unwrap();
+    let PlannedPulse::Field(field) = &memory.pulses[0].planned else { panic!("{:?}", memory.pulses[0].planned) };
+    let segment_us = std::f64::consts::TAU / field.wave.base_radps * 1e6;
+    let (recording, blueprint) = stores(&path);
+    let values = |path: &str| -> Vec<Vec<f64>> {
+        let logged = recording.chunks().filter(|chunk| *chunk.entity_path() == path.into() && !chunk.is_static());
+        logged
+            .flat_map(|chunk| chunk.iter_slices::<f64>(Scalars::descriptor_scalars().component))
+            .map(<[_]>::to_vec)
+            .collect()
+    };
+    assert_eq!(values("timing/plan_us"), vec![vec![180.0, segment_us]; 3]);
+    let speeds = values("motion/speed_mm_s");
+    assert!(
+        speeds.len() == 3 && speeds.iter().all(|parts| parts.len() == 2 && parts.iter().all(|v| *v > 1.0)),
+        "{speeds:?}"
+    );
+    let shown: String = blueprint.chunks().map(|chunk| chunk.to_string()).collect();
+    assert!(shown.contains("motion/speed_mm_s"));
 }
 
 #[test]
