@@ -102,6 +102,11 @@ impl TableView {
     }
 
     pub(super) fn cycle(&self, stream: &RunStream, cycle: &CycleFacts, context: &RunContext) -> LogResult {
+        if !cycle.ends_at_rest {
+            // where the planner of moving parts takes them to be, in no recorded frame
+            let centers = cycle.observed_m.iter().copied().map(above);
+            stream.log("table/measured", &Ellipses2D::update_fields().with_centers(centers))?;
+        }
         self.log_wanted(stream, cycle)?;
         self.log_centers(stream, &cycle.plan.pulses, &context.library)?;
         self.log_forecast(stream, cycle)?;

@@ -10,7 +10,7 @@ use rerun::log::{Chunk, LogMsg};
 
 use super::RerunSink;
 use crate::{RecordingError, RunContext};
-use upm_control::{EventFacts, EventLevel, PulseFacts, Sink};
+use upm_control::{CycleFacts, EventFacts, EventLevel, PulseFacts, Sink};
 use upm_core::time::{MonotonicClock, PlateTime};
 use upm_fixtures::{
     rig,
@@ -43,9 +43,14 @@ pub(super) fn context(run: &SyntheticRun) -> RunContext {
 pub(super) struct SeenFacts {
     pub(super) pulses: Vec<PulseFacts>,
     pub(super) events: Vec<EventFacts>,
+    pub(super) cycles: Vec<CycleFacts>,
 }
 
 impl Sink for SeenFacts {
+    fn cycle(&mut self, facts: &CycleFacts) {
+        self.cycles.push(facts.clone());
+    }
+
     fn pulse(&mut self, facts: &PulseFacts) {
         self.pulses.push(facts.clone());
     }
@@ -203,7 +208,9 @@ fn a_run_without_pauses_shows_speeds_and_planning_beside_the_segment() {
     let mut sink = RerunSink::start(&RerunMode::Save, &path, context, &recording_options()).unwrap();
     run.localise(&mut sink);
     (0..3).for_each(|_| run.cycle(&mut sink));
+    run.ends_at_rest = false;
     run.cycle(&mut memory);
+    sink.cycle(&memory.cycles[0]);
     sink.finish().unwrap();
     let PlannedPulse::Field(field) = &memory.pulses[0].planned else { panic!("{:?}", memory.pulses[0].planned) };
     let segment_us = std::f64::consts::TAU / field.wave.base_radps * 1e6;
@@ -215,10 +222,15 @@ fn a_run_without_pauses_shows_speeds_and_planning_beside_the_segment() {
             .map(<[_]>::to_vec)
             .collect()
     };
-    assert_eq!(values("timing/plan_us"), vec![vec![180.0, segment_us]; 3]);
+    assert_eq!(values("timing/plan_us"), vec![vec![180.0, segment_us]; 4]);
+    let rows = |path: &str| -> usize {
+        let logged = recording.chunks().filter(|chunk| *chunk.entity_path() == path.into() && !chunk.is_static());
+        logged.map(|chunk| chunk.num_rows()).sum()
+    };
+    assert_eq!(rows("table/measured"), rows("table/true") + 1, "places of a moving cycle are those of the journal");
     let speeds = values("motion/speed_mm_s");
     assert!(
-        speeds.len() == 3 && speeds.iter().all(|parts| parts.len() == 2 && parts.iter().all(|v| *v > 1.0)),
+        speeds.len() == 4 && speeds.iter().all(|parts| parts.len() == 2 && parts.iter().all(|v| *v > 1.0)),
         "{speeds:?}"
     );
     let shown: String = blueprint.chunks().map(|chunk| chunk.to_string()).collect();
