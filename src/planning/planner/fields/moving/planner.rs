@@ -70,8 +70,9 @@ pub struct MovingPlanner {
     params: PlannerParams,
     model: Arc<MovingModel>,
     parts: Vec<PartFilter>,
-    /// Step of the present segment up to which the parts were followed.
+    /// Step of the present segment up to which the parts were followed, and its last one.
     step: usize,
+    end: usize,
     /// The motion before the present one, the present one, and the one planned after it.
     before: Arc<Motion>,
     present: Arc<Motion>,
@@ -104,6 +105,7 @@ impl MovingPlanner {
             params,
             parts: radii_m.iter().map(|&radius_m| PartFilter::new(radius_m, model.friction)).collect(),
             step: 0,
+            end: model.basis.steps_a_period(),
             before: Arc::clone(&rest),
             present: Arc::clone(&rest),
             planned: rest,
@@ -139,13 +141,19 @@ impl MovingPlanner {
     /// The planned segment begins to play.
     pub fn begin(&mut self) {
         if !self.is_resting {
-            self.advance(self.model.basis.steps_a_period());
+            self.advance(self.end);
         }
         self.before = std::mem::replace(&mut self.present, Arc::clone(&self.planned));
-        (self.step, self.is_resting) = (0, false);
+        (self.step, self.end, self.is_resting) = (0, self.model.basis.steps_a_period(), false);
         if let Some((at_s, seen_m)) = self.early.take() {
             self.observe(at_s, &seen_m);
         }
+    }
+
+    /// The present segment plays for `time_s`, one period or two, until the next one begins.
+    pub fn plays_for(&mut self, time_s: f64) {
+        let periods = (time_s / self.period_s()).round().clamp(1.0, 2.0) as usize;
+        self.end = periods * self.model.basis.steps_a_period();
     }
 
     /// Takes a frame exposed `at_s` after the present segment began; `seen_m` are the places of the parts in it, `None`
@@ -153,11 +161,12 @@ impl MovingPlanner {
     ///
     /// Returns how far the parts are off their forecast places, m: the median, and 0 for fewer than three.
     pub fn observe(&mut self, at_s: f64, seen_m: &[Option<Vec2>]) -> f64 {
-        if at_s > self.period_s() {
-            self.early = Some((at_s - self.period_s(), seen_m.to_vec()));
+        let step_s = self.model.basis.step_s();
+        let end_s = self.end as f64 * step_s;
+        if at_s > end_s {
+            self.early = Some((at_s - end_s, seen_m.to_vec()));
             return 0.0;
         }
-        let step_s = self.model.basis.step_s();
         let step = (at_s / step_s).round().max(0.0) as usize;
         self.advance(step);
         let early_s = self.step as f64 * step_s - at_s;
@@ -205,14 +214,13 @@ impl MovingPlanner {
         if self.is_resting {
             return self.places_m().into_iter().map(|place_m| (place_m, Vec2::zeros(), Vec2::zeros())).collect();
         }
-        let steps = self.model.basis.steps_a_period();
-        if self.step >= steps {
+        if self.step >= self.end {
             let state =
                 |part: &PartFilter| (part.disc().position_m, part.disc().velocity_mps, part.disc().velocity_mps);
             return self.parts.iter().map(state).collect();
         }
-        let rollout = self.rollout(self.step..steps);
-        let over_s = (steps - self.step) as f64 * self.model.basis.step_s();
+        let rollout = self.rollout(self.step..self.end);
+        let over_s = (self.end - self.step) as f64 * self.model.basis.step_s();
         let state = |((place_m, velocity_mps), part): ((Vec2, Vec2), &PartFilter)| {
             let from = part.disc();
             let drift_mps = (place_m - from.position_m) / over_s + (velocity_mps - from.velocity_mps) * 0.5;
