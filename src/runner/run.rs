@@ -16,6 +16,8 @@ mod in_memory;
 #[cfg(test)]
 mod journal_failure_tests;
 mod knocks;
+#[cfg(test)]
+mod late_segment_tests;
 mod library;
 #[cfg(test)]
 mod lost_tests;
