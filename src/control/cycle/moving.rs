@@ -73,7 +73,7 @@ impl ControlCycle<'_, '_> {
             let started = self.io.clock.elapsed();
             let (observed_at, before_m) = (self.perception.seen_at(), self.places_m());
             let sets_down = present.segment.sets_down;
-            let next = if sets_down { None } else { self.plan_next(&present.segment, started_at, segments)? };
+            let next = if sets_down { None } else { self.plan_next(started_at, segments)? };
             let (next, ends_at) = self.take_over(next, started_at)?;
             let forecast_m = match &next {
                 _ if sets_down => present.segment.ends_m.clone(),
@@ -182,9 +182,9 @@ impl ControlCycle<'_, '_> {
     /// Plans the segment after the present one, for the places that the parts will have at its end; `None` where the
     /// plate should come to rest because another job waits, once the present motion fades out clear, or a part is out
     /// of sight, or because the parts will be where they should be.
-    fn plan_next(&mut self, present: &Segment, started_at: PlateTime, segments: u64) -> OrEnd<Option<PlannedSegment>> {
+    fn plan_next(&mut self, started_at: PlateTime, segments: u64) -> OrEnd<Option<PlannedSegment>> {
         self.check_limits()?;
-        let gives_way = self.io.give_way.load(Ordering::Relaxed) && present.is_clear;
+        let gives_way = self.io.give_way.load(Ordering::Relaxed) && self.fades_out().1;
         if gives_way || self.perception.frames_missing() > UNSEEN_FRAMES {
             return Continue(None);
         }

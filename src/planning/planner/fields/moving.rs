@@ -15,5 +15,4 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-pub use aims::Heading;
-pub use planner::{MovingPlanner, Segment};
+pub use planner::{Heading, MovingPlanner, Segment};

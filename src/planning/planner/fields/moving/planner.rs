@@ -1,7 +1,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::aims::{AHEAD, Aims, Goal, Heading, MovingPart, rms};
+use super::aims::{AHEAD, Aims, Goal, MovingPart, rms};
 use super::filter::PartFilter;
 use super::model::MovingModel;
 use super::motion::{Motion, NearEdge};
@@ -59,8 +59,18 @@ pub struct Segment {
     pub sets_down: bool,
     /// Forecast places at the end of its first period, m; of the last segment where the parts come to rest.
     pub ends_m: Vec<Vec2>,
-    /// True where the parts keep clear of the edge and of each other until they rest, even where no segment follows.
-    pub is_clear: bool,
+}
+
+/// Where a part is heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heading {
+    /// The place where it should come to rest, m, or where it should be [`MovingPlanner::ahead_s`] after the segment
+    /// begins.
+    pub target_m: Vec2,
+    /// The next place on its way there that keeps it clear of others, m.
+    pub subgoal_m: Vec2,
+    /// Velocity with which it passes its target, m/s; `None` where it comes to rest.
+    pub along_mps: Option<Vec2>,
 }
 
 /// Plans motions that never stop until all parts are at their targets (equation sheet, section 5.1). Follows the parts
@@ -276,7 +286,7 @@ impl MovingPlanner {
         let comes_to_rest = rms_m < SET_DOWN_M && headings.iter().all(|heading| heading.along_mps.is_none());
         let set_down = if comes_to_rest { self.set_down(&parts) } else { None };
         let sets_down = set_down.is_some();
-        let (motion, ends_m, is_clear) = set_down.unwrap_or_else(|| self.drift(&parts));
+        let (motion, ends_m) = set_down.unwrap_or_else(|| self.drift(&parts));
         self.planned = Arc::new(motion);
         if sets_down {
             (self.slow, self.best_m) = (0, f64::INFINITY);
@@ -285,7 +295,7 @@ impl MovingPlanner {
         }
         let wave = self.model.basis.wave(&self.planned.coefficients);
         let sustain_s = if sets_down { 0.0 } else { self.model.envelope.sustain_s };
-        Segment { pulse: FieldPulse { wave, follows: Follows::Displacement, sustain_s }, sets_down, ends_m, is_clear }
+        Segment { pulse: FieldPulse { wave, follows: Follows::Displacement, sustain_s }, sets_down, ends_m }
     }
 
     fn problem<'a>(&'a self, parts: &'a Surroundings<'a>, goal: &'a Goal) -> SegmentProblem<'a> {
@@ -306,9 +316,8 @@ impl MovingPlanner {
         Surroundings { parts, discs: parts.iter().map(|part| part.disc).collect(), edges }
     }
 
-    /// The motion that brings the parts' drifts nearest to what their distances ask, their places at its end, and whether
-    /// it is clear.
-    fn drift(&mut self, parts: &[MovingPart]) -> (Motion, Vec<Vec2>, bool) {
+    /// The motion that brings the parts' drifts nearest to what their distances ask, and their places at its end.
+    fn drift(&mut self, parts: &[MovingPart]) -> (Motion, Vec<Vec2>) {
         let around = self.surroundings(parts);
         let wish = self.aims.wish(parts, &self.params, self.period_s());
         let problem = self.problem(&around, &wish.goal);
@@ -335,11 +344,11 @@ impl MovingPlanner {
             }
         }
         let best = problem.constrained(best);
-        let (left, is_clear) = (wish.left(&best.residual), problem.is_clear(&best.motion));
+        let left = wish.left(&best.residual);
         let ends_m = best.rollout.places_at(self.model.basis.steps_a_period());
         self.pool.keep(best.rollout);
         self.aims.learn(wish.is_clipped, left);
-        (best.motion, ends_m, is_clear)
+        (best.motion, ends_m)
     }
 
     /// Motions from which the search starts.
@@ -359,9 +368,9 @@ impl MovingPlanner {
         self.model.seeds.best(&self.model.basis, &places_m, steps, count)
     }
 
-    /// The motion after which the parts rest at their targets, where they do, and whether it is clear; `None` where none
-    /// brings them near enough.
-    fn set_down(&self, parts: &[MovingPart]) -> Option<(Motion, Vec<Vec2>, bool)> {
+    /// The motion after which the parts rest at their targets, and where they do; `None` where none brings them near
+    /// enough.
+    fn set_down(&self, parts: &[MovingPart]) -> Option<(Motion, Vec<Vec2>)> {
         let around = self.surroundings(parts);
         let problem = self.problem(&around, &Goal::Ends);
         let worst_m = parts.iter().map(|part| part.left_m().norm()).fold(0.0, f64::max);
@@ -372,23 +381,22 @@ impl MovingPlanner {
             let steps: Vec<Vec2> = parts.iter().map(|part| part.left_m() - part.drift_mps * ahead_s).collect();
             starts.extend(self.bank(&around.discs, &steps, BANK));
         }
-        let mut best: Option<(f64, Motion, Vec<Vec2>, bool)> = None;
+        let mut best: Option<(f64, Motion, Vec<Vec2>)> = None;
         for start in &starts {
             let shot = problem.improved(problem.shot(start), BANK_ROUNDS);
             let off_m = shot.worst();
             if best.as_ref().is_none_or(|(best_m, ..)| off_m < *best_m) {
-                let is_clear = problem.is_clear(&shot.motion);
-                best = Some((off_m, shot.motion, shot.rollout.ends_m.clone(), is_clear));
+                best = Some((off_m, shot.motion, shot.rollout.ends_m.clone()));
             }
             self.pool.keep(shot.rollout);
             if off_m < 0.5 * SET_DOWN_WITHIN_M {
                 break;
             }
         }
-        let (off_m, motion, ends_m, is_clear) = best?;
+        let (off_m, motion, ends_m) = best?;
         let is_worth_it = off_m < SET_DOWN_WITHIN_M
             || (self.is_resting && off_m < NEARER * worst_m)
             || (self.slow > PATIENCE && off_m < FARTHER * worst_m);
-        is_worth_it.then_some((motion, ends_m, is_clear))
+        is_worth_it.then_some((motion, ends_m))
     }
 }
