@@ -30,10 +30,11 @@ def card(page, plate):
 
 
 def state(page, plate):
-    return card(page, plate).locator(".state").inner_text()
+    return card(page, plate).locator(".card-title .state").inner_text()
 
 
 def fill_job(page, text):
+    page.evaluate("document.querySelector('#edit').open = true")
     page.locator("#job-text").fill(text if isinstance(text, str) else json.dumps(text, indent=1))
 
 

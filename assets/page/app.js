@@ -52,6 +52,7 @@ function takePlates(plates, asked) {
   setChildren(part('cards'), plates.map((plate) => cards.get(plate.name).root));
   order.offer(names);
   if (part('draw').open) pen.offer(plates);
+  setText(part('waiting'), standOf(plates));
   stops.update(plates);
   jobs.update(plates);
   const now = JSON.stringify(plates.map(({ state, job, queued }) => [state, job, queued]));
@@ -59,6 +60,14 @@ function takePlates(plates, asked) {
     standing = now;
     refreshJobs();
   }
+}
+
+/** One line on what the plates do and what waits for them. */
+function standOf(plates) {
+  const count = (state) => plates.filter((plate) => plate.state === state).length;
+  const states = ['stopped', 'paused', 'running', 'idle'].filter(count).map((state) => `${count(state)} ${state}`);
+  const waits = plates.filter(({ queued }) => queued).map(({ name, queued }) => `${queued} for ${name}`);
+  return `Plates: ${states.join(', ')} · Queue: ${waits.join(', ') || 'no job waits'}`;
 }
 
 async function watchPlates() {
@@ -114,7 +123,6 @@ function showReasons(reasons) {
 /** Updates that need no answer: every age goes on. */
 function tick() {
   cards.forEach((card) => card.tick());
-  jobs.tick();
   const silence = since(heard ?? began);
   const lost = silence > STALE_S;
   document.body.classList.toggle('lost', lost);

@@ -11,25 +11,29 @@ export class Camera {
   constructor(what) {
     this.picture = el('img', { alt: what, hidden: true });
     this.says = el('figcaption');
-    this.root = el('figure', { class: 'camera' }, el('div', { class: 'camera-frame' }, this.picture), this.says);
+    this.root = el('figure', { class: 'camera dark' }, el('div', { class: 'camera-frame' }, this.picture), this.says);
   }
 
-  /** Shows the pictures of `job` until `off` is called, or until there is none and `isOver()`. */
+  /** Shows the pictures of `job` until others are asked for, the last of them once `isOver()`. */
   async watch(job, isOver) {
-    this.off('Waiting for a picture');
+    this.control?.abort();
+    show(this.picture, false);
+    setText(this.says, 'Waiting for a picture');
+    this.kept = '';
     this.root.classList.remove('dark');
     this.control = new AbortController();
     const { signal } = this.control;
     while (!signal.aborted) {
       await inSight();
+      const [isNear, over] = [this.isNear(), isOver()];
       try {
-        if (this.isNear()) await this.poll(job, signal);
+        if (isNear) await this.poll(job, signal);
       } catch (error) {
         if (signal.aborted) return;
         if (this.picture.hidden) setText(this.says, error.message);
-        // of a job that has ended there comes no other picture
-        if (isOver()) return;
       }
+      // of a job that has ended there comes no other picture
+      if (isNear && over) return;
       await nap(PICTURE_MS);
     }
   }
@@ -53,16 +57,18 @@ export class Camera {
     });
   }
 
-  /** Shows no picture any more, and `why`. */
-  off(why) {
-    this.control?.abort();
-    show(this.picture, false);
-    this.root.classList.add('dark');
-    setText(this.says, why);
+  /** The picture is from the end of the job `name` from now on. */
+  keep(name) {
+    this.kept = name;
+    this.picture.classList.remove('stale');
   }
 
   /** The age goes on whether or not there comes a picture. */
   tick() {
+    if (this.kept) {
+      this.root.classList.toggle('dark', this.picture.hidden);
+      return setText(this.says, `${this.picture.hidden ? 'No' : 'Last'} picture of ${this.kept}`);
+    }
     if (this.picture.hidden || !this.seen) return;
     const age = this.seen.ageS + since(this.seen.asked);
     this.picture.classList.toggle('stale', age > STALE_S);

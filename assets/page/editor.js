@@ -2,6 +2,7 @@
 
 import { button, el } from './dom.js';
 import { lineOf, places } from './places.js';
+import { inWords } from './words.js';
 
 export class Editor {
   constructor(root, changed) {
@@ -27,6 +28,15 @@ export class Editor {
     this.blame([]);
   }
 
+  /** The job, where its text can be read. */
+  job() {
+    try {
+      return JSON.parse(this.text);
+    } catch {
+      return null;
+    }
+  }
+
   /** Shows faults in the order of their lines, and the first of these lines in sight. */
   blame(faults) {
     this.faults = faults;
@@ -40,7 +50,9 @@ export class Editor {
   render() {
     const { text } = this;
     const found = places(text);
-    const lined = this.faults.map((fault) => ({ ...fault, line: lineOf(text, fault, found) }));
+    const job = this.job();
+    const said = ({ path, allowed, found: is }) => ({ path: inWords(path, job), allowed: inWords(allowed, job), found: inWords(is, job) });
+    const lined = this.faults.map((fault) => ({ ...said(fault), line: lineOf(text, fault, found) }));
     lined.sort((a, b) => a.line - b.line);
     const lines = lined.map(({ line }) => line);
     const number = (_, i) => el('span', { class: lines.includes(i + 1) ? 'line bad' : 'line' }, String(i + 1));

@@ -21,8 +21,7 @@ class Row {
     this.recording = el('a', { ...asked, click: (event) => this.download(event) }, 'Recording');
     this.cancel = twice('Cancel', 'Really?', () => list.ask('POST', ofJob(id, '/cancel')), `Cancel ${name}`);
     this.remove = twice('Delete', 'Really?', () => list.ask('DELETE', ofJob(id)), `Delete ${name}`);
-    this.writing = el('span', { class: 'writing' });
-    const actions = el('span', { class: 'row-actions' }, this.recording, this.writing, this.cancel, this.remove);
+    const actions = el('span', { class: 'row-actions' }, this.recording, this.cancel, this.remove);
     const on = el('span', { class: 'on' }, standing ? `${plate}, standing job` : plate);
     const line = [this.state, this.name, on, this.time, this.took, this.reason, actions];
     this.root = el('li', { class: 'row', 'data-job': id }, ...line);
@@ -40,20 +39,12 @@ class Row {
     show(this.recording, KEPT.includes(recording));
     show(this.remove, ENDED.includes(state));
     show(this.cancel, !ENDED.includes(state));
-    if (state !== 'running') show(this.writing, false);
     this.showProgress(job.progress);
   }
 
   showProgress(progress) {
     const { state, standing } = this.job;
     setText(this.state, state === 'running' && !standing ? `running ${Math.floor(progress * 100)} %` : state);
-  }
-
-  /** Its plate tells how far it is more often than the list is asked for. */
-  runs({ progress, recording_mb: mb = null }) {
-    this.showProgress(progress);
-    show(this.writing, mb !== null);
-    setText(this.writing, mb === null ? '' : `recording, ${mb.toFixed(1)} MB`);
   }
 
   /** With a token a plain link would be refused: the file is fetched and then saved. */
@@ -80,6 +71,7 @@ export class Jobs {
     const part = (id) => section.querySelector(`#${id}`);
     [this.only, this.says, this.opened, this.list, this.newer, this.older, this.pageOf] =
       ['only', 'jobs-say', 'opened', 'rows', 'newer', 'older', 'page-of'].map(part);
+    this.only.append(...['queued', 'running', ...ENDED].map((state) => el('option', { value: state }, state)));
     this.changed = changed;
     this.foresee = foresee;
     this.cursors = [null];
@@ -166,7 +158,8 @@ export class Jobs {
   }
 
   update(plates) {
-    for (const plate of plates) if (plate.job) this.rows.get(plate.job)?.runs(plate);
+    // oftener than the list is asked for
+    for (const plate of plates) if (plate.job) this.rows.get(plate.job)?.showProgress(plate.progress);
   }
 
   /** Cancels or deletes a job. */
@@ -179,9 +172,5 @@ export class Jobs {
       this.showStatus(error.message);
     }
     this.changed();
-  }
-
-  tick() {
-    this.watched?.camera.tick();
   }
 }

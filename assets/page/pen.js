@@ -3,14 +3,17 @@
 import { arrangeOf, inJobOrder, markOf } from './drawn.js';
 import { button, el, setChildren, svg } from './dom.js';
 import { colours } from './kinds.js';
+import { inWords } from './words.js';
 
 const GRID_MM = 1;
 const STEP_MM = 5;
 const CHECK_MS = 400;
 const MARGIN_MM = 6;
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-const HINT = `Press to set a target, press it again to take it away. By keys: arrows move, Shift moves by 1 mm, Enter sets or
-  takes away.`;
+const HINT = `Press to set a target, drag it, press it again to take it away; Ctrl Z undoes. By keys: arrows move, Shift moves
+  by 1 mm, Enter sets, Delete takes away.`;
+/** A press that goes no farther than this sets or takes away, mm. */
+const DRAG_MM = 3;
 
 export class Pen {
   /** `write(text)` takes the job's text; `check()` has it checked and gives its faults, or null without an answer. */
@@ -20,27 +23,25 @@ export class Pen {
     this.chosenPlate = plate;
     this.plates = [];
     this.targets = [];
+    /** The drawings before this one, newest last. */
+    this.past = [];
     this.faults = new Map();
     this.cursor = [0, 0];
     this.kind = el('select', { 'aria-label': 'Kind of the parts' });
     [this.ground, this.shapes, this.cross] = [svg('g'), svg('g'), svg('path', { class: 'cursor', d: 'M-6 0H6M0 -6V6' })];
-    this.sheet = svg(
-      'svg',
-      {
-        class: 'view sheet-to-draw',
-        tabindex: 0,
-        role: 'application',
-        'aria-label': 'Plate to draw on',
-        'aria-describedby': 'pen-hint',
-        pointerdown: (event) => this.press(event),
-        keydown: (event) => this.key(event),
-      },
-      this.ground,
-      this.shapes,
-      this.cross,
-    );
+    const hears = {
+      pointerdown: (event) => this.press(event),
+      pointermove: (event) => this.drag(event),
+      pointerup: () => this.drop(),
+      pointercancel: () => this.drop(),
+      keydown: (event) => this.key(event),
+    };
+    const says = { role: 'application', 'aria-label': 'Plate to draw on', 'aria-describedby': 'pen-hint' };
+    const looks = { class: 'view sheet-to-draw', tabindex: 0 };
+    this.sheet = svg('svg', { ...looks, ...says, ...hears }, this.ground, this.shapes, this.cross);
     this.says = el('ol', { class: 'pen-faults', 'aria-label': 'Faults of the drawing', 'aria-live': 'polite' });
-    const bar = el('div', { class: 'pen-tools' }, el('label', {}, 'Kind ', this.kind), button('Clear', () => this.put([])));
+    const undo = button('Undo', () => this.undo());
+    const bar = el('div', { class: 'pen-tools' }, el('label', {}, 'Kind ', this.kind), undo, button('Clear', () => this.put([])));
     root.append(bar, this.sheet, this.says, el('p', { class: 'hint', id: 'pen-hint' }, HINT));
   }
 
@@ -72,31 +73,70 @@ export class Pen {
 
   press(event) {
     if (!this.plate || event.button !== 0) return;
+    this.sheet.setPointerCapture(event.pointerId);
+    this.cursor = this.placeOf(event);
+    const { cursor: from, hit: target, targets: before } = this;
+    if (target) this.held = { from, target, before };
+    else this.toggle();
+  }
+
+  placeOf(event) {
     const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.sheet.getScreenCTM().inverse());
-    this.cursor = this.onPlate([x, -y]);
-    this.toggle();
+    return this.onPlate([x, -y]);
+  }
+
+  /** A target follows the hand; the job is written once it is let go. */
+  drag(event) {
+    if (!this.held) return;
+    const { from, target, before } = this.held;
+    const at = this.placeOf(event);
+    if (this.targets === before && Math.hypot(at[0] - from[0], at[1] - from[1]) < DRAG_MM) return;
+    this.cursor = at;
+    this.targets = before.map((other) => (other === target ? { ...target, at } : other));
+    this.render();
+  }
+
+  drop() {
+    if (!this.held) return;
+    const [{ before }, { targets }] = [this.held, this];
+    this.held = null;
+    this.targets = before;
+    if (targets === before) this.toggle();
+    else this.put(targets);
   }
 
   key(event) {
     const way = WAYS[event.key];
-    if (!this.plate || (!way && event.key !== 'Enter') || event.ctrlKey || event.altKey || event.metaKey) return;
+    const undoes = event.key === 'z' && (event.ctrlKey || event.metaKey);
+    const does = undoes ? () => this.undo() : { Enter: () => this.toggle(), Delete: () => this.hit && this.toggle() }[event.key];
+    if (!this.plate || !(way || does) || (!undoes && (event.ctrlKey || event.metaKey)) || event.altKey) return;
     event.preventDefault();
-    if (!way) return this.toggle();
+    if (does) return does();
     const step = event.shiftKey ? GRID_MM : STEP_MM;
     this.cursor = this.onPlate(this.cursor.map((mm, axis) => mm + way[axis] * step));
     this.render();
   }
 
+  /** The target at the cursor. */
+  get hit() {
+    const [x, y] = this.cursor;
+    return this.targets.findLast(({ kind, at }) => Math.hypot(at[0] - x, at[1] - y) <= this.radiusOf(kind));
+  }
+
+  undo() {
+    if (this.past.length) this.put(this.past.pop(), false);
+  }
+
   /** Takes the target at the cursor away, or sets one there. */
   toggle() {
-    const [x, y] = this.cursor;
-    const hit = this.targets.findLast(({ kind, at }) => Math.hypot(at[0] - x, at[1] - y) <= this.radiusOf(kind));
+    const { hit, cursor } = this;
     if (hit) this.put(this.targets.filter((target) => target !== hit));
-    else this.put([...this.targets, { kind: this.kind.value, at: [x, y] }]);
+    else this.put([...this.targets, { kind: this.kind.value, at: cursor }]);
   }
 
   /** Writes the job anew and has it checked once the hand rests. */
-  put(targets) {
+  put(targets, isNew = true) {
+    if (isNew) this.past.push(this.targets);
     this.targets = inJobOrder(targets);
     this.faults.clear();
     clearTimeout(this.timer);
@@ -129,7 +169,7 @@ export class Pen {
     this.shapes.replaceChildren(...this.targets.map((target, i) => this.shape(target, i, colour.get(target.kind))));
     this.cross.setAttribute('transform', `translate(${this.cursor[0]} ${-this.cursor[1]})`);
     const line = ([i, { found, allowed }]) =>
-      el('li', {}, el('strong', {}, `Target ${i + 1}: `), `expected ${allowed}, found ${found}`);
+      el('li', {}, el('strong', {}, `Target ${i + 1}: `), inWords(`expected ${allowed}, found ${found}`));
     setChildren(this.says, [...this.faults].sort(([a], [b]) => a - b).map(line));
   }
 

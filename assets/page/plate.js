@@ -5,12 +5,14 @@ import { STALE_S, since, span } from './age.js';
 import { Camera } from './camera.js';
 import { announce, button, el, nap, setChildren, setText, show, twice } from './dom.js';
 import { legend } from './kinds.js';
+import { LastJob, newest } from './last.js';
 import { ResetForm } from './reset.js';
 import { View } from './view.js';
+import { counted } from './words.js';
 
 const QUEUE_SHOWN = 5;
-/** The layout of a job is asked for again after this while there is none yet. */
-const LAYOUT_MS = 300;
+/** Anything not known yet is asked for again after this. */
+const AGAIN_MS = 300;
 /** A plate that is less behind real time than this is not reported as behind, s. */
 const LEAST_BEHIND_S = 0.1;
 
@@ -18,7 +20,20 @@ const LEAST_BEHIND_S = 0.1;
 const MOST_ODDS = 1000;
 
 const doubt = ({ odds, what }) => ` (${odds < MOST_ODDS ? '' : 'more than '}${odds}:1 over ${what})`;
-const counted = (count, one, more) => `${count} ${count === 1 ? one : more}`;
+
+/** Asks again and again until there is an answer; undefined once that `isOver()`, or where there is no such thing. */
+async function until(ask, isOver) {
+  while (!isOver()) {
+    try {
+      const found = await ask();
+      if (found) return isOver() ? undefined : found;
+    } catch (error) {
+      if (error instanceof Problem && error.status === 404) return undefined;
+    }
+    await nap(AGAIN_MS);
+  }
+  return undefined;
+}
 
 export class PlateCard {
   /** `open(id)` shows a job; `stop(name)` stops the plate; `refresh()` asks for everything again. */
@@ -49,6 +64,7 @@ export class PlateCard {
     this.share = text('span', 'share');
     this.barBox = el('div', { class: 'bar' }, this.bar, this.share);
     this.doing = el('div', { class: 'doing' }, this.job, this.phase, this.barBox);
+    this.last = new LastJob((id) => this.open(id));
     this.standing = text('p', 'standing');
     this.queue = text('ol', 'queue');
     this.facts = text('p', 'facts');
@@ -62,7 +78,8 @@ export class PlateCard {
     const drawing = el('div', { class: 'drawing' }, this.view.root, this.age, this.legend);
     const sights = el('div', { class: 'sights' }, drawing, this.camera.root);
     const says = [this.says, this.standing, this.facts];
-    const rest = [this.why, this.remedy, this.findings, this.doing, this.reset.root, this.queue, this.actions, ...says];
+    const now = [this.why, this.remedy, this.findings, this.doing, this.last.root];
+    const rest = [...now, this.reset.root, this.queue, this.actions, ...says];
     this.root = el('article', { class: 'card panel', 'aria-label': `Plate ${name}` }, head, sights, ...rest);
   }
 
@@ -75,7 +92,10 @@ export class PlateCard {
     if (before && before.state !== plate.state) {
       announce(`${this.name} is ${plate.state}${plate.why ? `: ${plate.why}` : ''}`);
     }
-    if (!before || plate.job !== before.job) this.meet(plate.job);
+    // a job may have come and gone since
+    const isOther = plate.job === null && plate.at_s !== before?.at_s;
+    if (!before || plate.job !== before.job || isOther) this.meet(plate.job, before?.job);
+    this.last.take(this.last.job, plate.why);
     show(this.doing, plate.job !== null);
     this.bar.value = plate.progress;
     setText(this.share, `${Math.floor(plate.progress * 100)} %`);
@@ -89,9 +109,10 @@ export class PlateCard {
     setText(this.resume, `${startsStanding ? 'Start standing job' : 'Resume'}${waiting}`);
     show(this.cancel, plate.job !== null && plate.state === 'running');
     show(this.actions, !this.resume.hidden || !this.cancel.hidden);
-    const late = counted(plate.deadline_misses || 'No', 'deadline missed', 'deadlines missed');
-    const behind = plate.behind_s < LEAST_BEHIND_S ? '' : ` · ${plate.behind_s.toFixed(1)} s behind real time`;
-    setText(this.facts, `${late}${behind} · plate time ${plate.at_s.toFixed(1)} s`);
+    const behind = plate.behind_s < LEAST_BEHIND_S ? '' : `${plate.behind_s.toFixed(1)} s behind real time · `;
+    const misses = plate.job === null ? this.last.job?.report?.deadline_misses : plate.job_deadline_misses;
+    const missed = misses === undefined ? '' : `${counted(misses || 'No', 'deadline', 'deadlines')} missed · `;
+    setText(this.facts, `${missed}${behind}plate time ${plate.at_s.toFixed(1)} s`);
     this.tick();
   }
 
@@ -123,9 +144,10 @@ export class PlateCard {
   }
 
   /** Another job came on the plate: what was pressed was meant for the one before. */
-  meet(job) {
+  meet(job, before) {
     setText(this.job, 'job');
-    if (job === null) return this.camera.off('No picture: no job runs');
+    this.last.take(null);
+    if (job === null) return this.rest(before);
     this.learn(job);
     this.camera.watch(job, () => this.plate.job !== job);
     const cancel = this.cancelOf(job);
@@ -136,18 +158,30 @@ export class PlateCard {
   /** Asks for name, bins, kinds and paths of the job until they are known, or the job is another one. */
   async learn(job) {
     this.layOut(null);
-    while (this.plate.job === job) {
-      try {
-        const [{ name }, layout] = await Promise.all([json('GET', ofJob(job)), json('GET', ofJob(job, '/layout'))]);
-        if (this.plate.job !== job) return;
-        setText(this.job, name);
-        this.layOut(layout);
-        return;
-      } catch (error) {
-        if (error instanceof Problem && error.status === 404) return;
-      }
-      await nap(LAYOUT_MS);
-    }
+    const ask = () => Promise.all([json('GET', ofJob(job)), json('GET', ofJob(job, '/layout'))]);
+    const found = await until(ask, () => this.plate.job !== job);
+    if (!found) return;
+    setText(this.job, found[0].name);
+    this.layOut(found[1]);
+  }
+
+  /** Shows the job that ended last: the one `seen` on the plate, otherwise the newest that the daemon has. */
+  async rest(seen) {
+    const { at_s: at } = this.plate;
+    const isOver = () => this.plate.job !== null || this.plate.at_s !== at;
+    const list = async () => (await json('GET', `v1/jobs?plate=${encodeURIComponent(this.name)}`)).jobs;
+    const job = seen ?? newest((await until(list, isOver)) ?? [])?.id;
+    // its end is told once it is on the disk
+    const ask = async () => [await json('GET', ofJob(job))].find(({ finished_at: end }) => end);
+    const last = job && (await until(ask, isOver));
+    if (!last) return;
+    this.last.take(last, this.plate.why);
+    if (seen) announce(`${this.name}: ${last.name} is ${last.state}`);
+    else this.camera.watch(job, () => true);
+    this.camera.keep(last.name);
+    // a short job may have ended before its layout came
+    const layout = await json('GET', ofJob(job, '/layout')).catch(() => null);
+    if (layout && !isOver()) this.layOut(layout);
   }
 
   layOut(layout) {
@@ -163,15 +197,18 @@ export class PlateCard {
     const unheard = silence > STALE_S;
     const { state, age_s: ageS } = this.plate;
     const age = ageS === null ? null : ageS + silence;
-    const old = unheard || (age !== null && age > STALE_S);
+    const rests = this.plate.job === null;
+    const old = unheard || (!rests && age !== null && age > STALE_S);
     this.root.classList.toggle('unheard', unheard);
     this.root.classList.toggle('stale', old);
-    this.root.classList.toggle('unseen-yet', age === null);
+    this.root.classList.toggle('unseen-yet', age === null || rests);
+    this.root.classList.toggle('bare', rests && !this.plate.positions_mm.length);
     this.root.dataset.state = unheard ? 'unknown' : state;
     this.state.dataset.state = this.root.dataset.state;
     setText(this.state, unheard ? `unknown, was ${state}` : state);
     if (age === null) setText(this.age, unheard ? `Not live: nothing heard for ${span(silence)}` : 'Nothing seen yet');
     else if (old) setText(this.age, `Not live: seen ${span(age)} ago`);
+    else if (rests) setText(this.age, `At rest: seen ${span(age)} ago`);
     else setText(this.age, `Live: seen ${span(age)} ago`);
   }
 

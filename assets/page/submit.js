@@ -11,15 +11,10 @@ const AGAIN_MS = 1500;
 /** Largest file that is read as a job; the daemon takes no larger ones. */
 const MOST_BYTES = 1 << 20;
 
-/** Members of a job's text that name files, with their values. */
-function filesIn(text) {
-  try {
-    const job = JSON.parse(text);
-    const isNamed = (name) => typeof job[name] === 'string' && job[name] !== '';
-    return ['rig', 'library'].filter(isNamed).map((name) => ({ name, value: job[name] }));
-  } catch {
-    return [];
-  }
+/** Members of a job that name files, with their values. */
+function filesIn(job) {
+  const isNamed = (name) => typeof job?.[name] === 'string' && job[name] !== '';
+  return ['rig', 'library'].filter(isNamed).map((name) => ({ name, value: job[name] }));
 }
 
 export class Order {
@@ -27,8 +22,8 @@ export class Order {
   constructor(form, queued) {
     this.queued = queued;
     const part = (id) => form.querySelector(`#${id}`);
-    [this.example, this.plate, this.pace, this.button, this.file, this.says] =
-      ['example', 'order-plate', 'pace', 'order-send', 'job-file', 'order-says'].map(part);
+    [this.example, this.plate, this.pace, this.button, this.file, this.says, this.edit] =
+      ['example', 'order-plate', 'pace', 'order-send', 'job-file', 'order-says', 'edit'].map(part);
     this.editor = new Editor(part('editor'), () => this.edited());
     this.examples = [];
     this.names = [];
@@ -92,9 +87,11 @@ export class Order {
     } catch {
       return this.showStatus('bad', `Not taken: ${file.name} cannot be read.`);
     }
-    const named = filesIn(text);
+    this.editor.text = text;
+    const named = filesIn(this.editor.job());
     for (const member of named) text = withMember(text, member.name, '');
     this.write(text);
+    this.edit.open = true;
     const left = named.map(({ name, value }) => `${name} ${value}`).join(' and ');
     await this.check(left && `Left out: ${left}; the plate has its own. `);
   }
@@ -139,13 +136,8 @@ export class Order {
 
   /** The choice of plate shows what the text says. */
   follow() {
-    let named = '';
-    try {
-      named = JSON.parse(this.editor.text).plate ?? '';
-    } catch {
-      return;
-    }
-    this.plate.value = this.names.includes(named) ? named : '';
+    const job = this.editor.job();
+    if (job) this.plate.value = this.names.includes(job.plate) ? job.plate : '';
   }
 
   /** Removes the notes on an earlier text. */
@@ -189,6 +181,7 @@ export class Order {
     if (!(error instanceof Problem)) throw error;
     // a fault of the daemon's own may have come after the job was taken: the same key again is safe
     if (error.status < 500) this.key.of = null;
+    if (error.faults.length) this.edit.open = true;
     this.editor.blame(error.faults);
     const count = error.faults.length;
     const later = error.retryAfter ? ` Try again in ${error.retryAfter} s.` : '';

@@ -1,6 +1,5 @@
-// One job in full: its figures, what happened, its picture. There is one stream of events, that of the open job.
+// One job in full: its figures and what happened. There is one stream of events, that of the open job.
 
-import { Camera } from './camera.js';
 import { button, el, setText } from './dom.js';
 import { watch } from './events.js';
 
@@ -18,11 +17,9 @@ export class Watched {
     this.facts = el('dl', { class: 'report' });
     this.cycle = el('p', { class: 'cycle' });
     this.log = el('ol', { class: 'log', 'aria-label': 'What happened' });
-    this.camera = new Camera(`Camera frame of ${job.name}`);
-    this.pictureButton = button('Camera frame', () => this.toggle(), { 'aria-pressed': 'false' });
     const closing = button('Close', close, { 'aria-label': `Close ${job.name}` });
     const head = el('div', { class: 'section-head' }, el('h2', {}, `${job.name} on ${job.plate}`), this.state, closing);
-    const parts = [this.facts, this.cycle, this.says, this.log, this.pictureButton, this.camera.root];
+    const parts = [this.facts, this.cycle, this.says, this.log];
     this.root = el('article', { class: 'panel watched', tabindex: -1, 'aria-label': `Job ${job.name}` }, head, ...parts);
     this.take(job);
     const on = (kind, body) => this.accept(kind, body, changed);
@@ -100,17 +97,9 @@ export class Watched {
     this.log.scrollTop = this.log.scrollHeight;
   }
 
-  toggle() {
-    const on = this.pictureButton.getAttribute('aria-pressed') !== 'true';
-    this.pictureButton.setAttribute('aria-pressed', String(on));
-    if (on) this.camera.watch(this.job.id, () => this.job.finished_at !== null);
-    else this.camera.off('');
-  }
-
   end() {
     this.foresee(this.job.plate, []);
     this.control.abort();
-    this.camera.off('');
     this.root.remove();
   }
 }

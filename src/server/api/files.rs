@@ -34,13 +34,11 @@ const PICTURE_AGAIN: Duration = Duration::from_millis(100);
 /// Bytes read from a file at a time.
 const CHUNK_BYTES: usize = 64 << 10;
 
-/// The newest picture of a job that is on a plate.
+/// The newest picture of a job that is on a plate, or was the last there.
 pub(super) async fn frame(State(api): ApiState, Path(job): Path<JobPath>) -> Result<Response, Problem> {
     // pictures are only made on request, so the first takes a moment
     for _ in 0..PICTURE_TRIES {
-        let picture = api.on_job(&job.id, |daemon, id| {
-            Ok(daemon.plate_under(&id, "there are pictures of a job only while it runs")?.picture())
-        });
+        let picture = api.on_job(&job.id, |daemon, id| Ok(daemon.plate_under(&id, "a picture")?.picture()));
         if let Some((png, age)) = picture.await? {
             let headers = [(CONTENT_TYPE, "image/png".to_owned()), (UPM_AGE_MS, age.as_millis().to_string())];
             return Ok((headers, png).into_response());

@@ -23,6 +23,8 @@ const IDEMPOTENCY_REPLAYED: HeaderName = HeaderName::from_static("idempotency-re
 pub struct JobsQuery {
     /// Only jobs in this state.
     pub state: Option<JobState>,
+    /// Only jobs of the plate with this name.
+    pub plate: Option<String>,
     /// Most jobs on the page.
     #[serde(default = "whole::<usize, 50>")]
     #[schemars(range(min = 1, max = 200))]
@@ -95,10 +97,10 @@ pub(super) async fn check(State(api): ApiState, body: JsonBody<JobFile>) -> Answ
 }
 
 pub(super) async fn list(State(api): ApiState, FromQuery(query): FromQuery<JobsQuery>) -> Answer<JobsPage> {
-    let JobsQuery { state, limit, cursor } = query;
+    let JobsQuery { state, plate, limit, cursor } = query;
     let before = cursor.map(|text| JobId::parse(&text).ok_or_else(no_job)).transpose()?;
     let page = api.blocking(move |daemon, _| {
-        let mut rows = daemon.store.list(state, before, limit + 1)?;
+        let mut rows = daemon.store.list(state, plate.as_deref(), before, limit + 1)?;
         let is_last = rows.len() <= limit;
         rows.truncate(limit);
         let next = rows.last().filter(|_| !is_last).map(|row| row.id.to_string());
@@ -111,10 +113,10 @@ pub(super) async fn show(State(api): ApiState, Path(job): OneJob) -> Answer<Job>
     Ok(Json(api.on_job(&job.id, |daemon, id| Ok(daemon.seen(daemon.row(&id)?))).await?))
 }
 
-/// The layout of a job that is on a plate.
+/// The layout of a job that is on a plate, or was the last there.
 pub(super) async fn layout(State(api): ApiState, Path(job): OneJob) -> Answer<JobLayout> {
     let layout = api.on_job(&job.id, |daemon, id| {
-        let plate = daemon.plate_under(&id, "there is a layout of a job only while it runs")?;
+        let plate = daemon.plate_under(&id, "a layout")?;
         plate.job.layout.lock().clone().ok_or_else(|| Problem::busy("the job is being read", 1))
     });
     Ok(Json(layout.await?))

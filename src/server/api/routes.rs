@@ -42,8 +42,8 @@ fn open() -> Routes {
 }
 
 fn read() -> Routes {
-    let layout = "Parts, targets, bins and paths of a job that is on its plate";
-    let frame = "The latest camera frame, what is known drawn over it; `Upm-Age-Ms` is its age, ms";
+    let layout = "Parts, targets, bins and paths of a job on its plate, until the next begins there";
+    let frame = "The latest camera frame of a job on its plate or last there, with marks; `Upm-Age-Ms` is its age, ms";
     let recording = "The job's recording (.rrd)";
     let estop = "Emergency stop: motors to zero, held until a reset; any token may";
     let watch = "Watch a job by server-sent events: `job`, whenever its state changes, and the lines of its journal from the \

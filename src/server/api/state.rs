@@ -126,10 +126,10 @@ impl DaemonState {
         self.plates.get(name).ok_or_else(|| unknown("there is no such plate"))
     }
 
-    /// The plate that runs the job now; the refusal `idle` when none does.
-    pub fn plate_under(&self, id: &JobId, idle: &str) -> Result<&Arc<PlateHandle>, Problem> {
-        let plate = self.plates.get(&self.row(id)?.plate).filter(|plate| plate.job.is(id));
-        plate.ok_or_else(|| unknown(idle))
+    /// The plate that runs the job, or has run none since; otherwise the refusal says that there is no `what`.
+    pub fn plate_under(&self, id: &JobId, what: &str) -> Result<&Arc<PlateHandle>, Problem> {
+        let plate = self.plates.get(&self.row(id)?.plate).filter(|plate| plate.job.is_newest(id));
+        plate.ok_or_else(|| unknown(&format!("there is {what} of a job only until its plate begins the next")))
     }
 
     pub fn row(&self, id: &JobId) -> Result<JobRow, Problem> {

@@ -87,17 +87,21 @@ impl Store {
         self.read(|connection| find(connection, id))
     }
 
-    /// At most `limit` jobs, newest first: only those in this state and older than `before`, which need not exist.
+    /// At most `limit` jobs, newest first: only those in this state, of this plate and older than `before`, which need
+    /// not exist.
     pub fn list(
         &self,
         state: Option<JobState>,
+        plate: Option<&str>,
         before: Option<JobId>,
         limit: usize,
     ) -> Result<Vec<JobRow>, StoreFault> {
         let by_state = state.map_or("?3 IS NULL", |_| "state = ?3");
+        let by_plate = plate.map_or("?4 IS NULL", |_| "plate = ?4");
         let below = before.map_or("~".to_owned(), |id| id.to_string());
-        let sql = format!("SELECT job FROM jobs WHERE {by_state} AND id < ?1 ORDER BY id DESC LIMIT ?2");
-        self.read(|connection| rows(connection, &sql, params![below, limit, state.map(JobState::code)], job_of))
+        let sql = format!("SELECT job FROM jobs WHERE {by_state} AND {by_plate} AND id < ?1 ORDER BY id DESC LIMIT ?2");
+        let values = params![below, limit, state.map(JobState::code), plate];
+        self.read(|connection| rows(connection, &sql, values, job_of))
     }
 
     /// Number of jobs of each plate in each state, or in one.

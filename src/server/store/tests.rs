@@ -45,7 +45,7 @@ impl Store {
 
     /// Every job, oldest first.
     pub(crate) fn all_jobs(&self) -> Vec<JobRow> {
-        let mut rows = self.list(None, None, 1000).unwrap();
+        let mut rows = self.list(None, None, None, 1000).unwrap();
         rows.reverse();
         rows
     }

@@ -43,6 +43,8 @@ pub(super) struct RunningJob {
     pub standing: bool,
     pub recording: RecordingHandle,
     journal: WriterStatus,
+    /// Deadlines that the plate had missed before it.
+    missed_before: u64,
     /// The requested end; `None` while none was requested.
     cause: Option<ExternalStop>,
 }
@@ -53,17 +55,29 @@ impl CurrentJob {
         *self.seen.lock() = Default::default();
         *self.layout.lock() = None;
         self.heartbeat.clear();
+        let missed_before = self.pacing.misses();
         let mut turn = self.turn.lock();
         let cause = (turn.unwanted.take() == Some(job)).then(cancelled);
         if cause.is_some() {
             self.end_run.store(true, Ordering::SeqCst);
         }
-        turn.running = Some(RunningJob { job, standing, recording, journal, cause });
+        turn.running = Some(RunningJob { job, standing, recording, journal, missed_before, cause });
     }
 
     /// True while `job` is on the plate.
     pub fn is(&self, job: &JobId) -> bool {
         self.turn.lock().running.as_ref().is_some_and(|running| running.job == *job)
+    }
+
+    /// True while `job` is on the plate, and after it until the next one begins.
+    pub fn is_newest(&self, job: &JobId) -> bool {
+        let turn = self.turn.lock();
+        turn.running.as_ref().map(|running| running.job).or(turn.last) == Some(*job)
+    }
+
+    /// Deadlines that the job on the plate has missed; zero without one.
+    pub(super) fn misses(&self) -> u64 {
+        self.running().map_or(0, |running| self.pacing.misses().saturating_sub(running.missed_before))
     }
 
     /// The job on the plate.

@@ -11,7 +11,7 @@ use super::current_job::CurrentJob;
 use super::emergency_stop::EmergencyStop;
 use super::job_rules::{JobRules, Standing};
 use super::latch::StopToken;
-use super::preview::FramePreview;
+use super::preview::{FramePreview, OLDEST};
 use super::{Observation, Plate, PlateState, ResetFault};
 use crate::states::PauseCause;
 use crate::store::{AuditEntry, JobId, Store};
@@ -169,6 +169,7 @@ impl PlateHandle {
             side_mm: mm_from_m(self.rules.rig.model.plate_side_m),
             kinds: self.rules.rig.kinds.iter().map(kind).collect(),
             deadline_misses: self.job.pacing.misses(),
+            job_deadline_misses: self.job.misses(),
             behind_s: self.job.pacing.behind().as_secs_f64(),
             recording_mb: match recording {
                 Some(RecordingState::Writing { bytes }) => Some(bytes as f64 * 1e-6),
@@ -295,9 +296,10 @@ impl PlateHandle {
     }
 
     /// The newest picture of the job on the plate, a PNG file, and its age, unless it is too old to be shown; requests
-    /// further ones. Encodes it, which takes some 10 ms.
+    /// further ones. After a job its last picture, however old. Encodes it, which takes some 10 ms.
     pub fn picture(&self) -> Option<(Bytes, Duration)> {
-        self.preview.latest(self.clock.elapsed())
+        let oldest = if self.job.running().is_some() { OLDEST } else { Duration::MAX };
+        self.preview.latest(self.clock.elapsed(), oldest)
     }
 
     /// Share of job `id` that is done, 0 to 1, while it is on the plate.

@@ -13,8 +13,8 @@ use upm_core::signal::Frame;
 const WISH: Duration = Duration::from_secs(5);
 const APART: Duration = Duration::from_millis(500);
 
-/// Greatest age of a picture that is shown: an older one would pass for the present state.
-const OLDEST: Duration = Duration::from_secs(2);
+/// Greatest age of a picture of a job that runs: an older one would pass for the present state.
+pub(super) const OLDEST: Duration = Duration::from_secs(2);
 
 /// Pictures of one plate for viewers. The plate hands over a frame only while a picture is requested and the lock is
 /// free: not while one is encoded.
@@ -32,13 +32,13 @@ struct Pictures {
 }
 
 impl FramePreview {
-    /// The newest picture with its age, unless it is too old; requests further ones. Encodes a new frame, which takes
-    /// some 10 ms.
-    pub fn latest(&self, now: Duration) -> Option<(Bytes, Duration)> {
+    /// The newest picture with its age, unless that is above `oldest`; requests further ones. Encodes a new frame,
+    /// which takes some 10 ms.
+    pub fn latest(&self, now: Duration, oldest: Duration) -> Option<(Bytes, Duration)> {
         let mut pictures = self.0.lock();
         pictures.wanted_until = now + WISH;
         let (taken, frame, marks) = pictures.taken.as_ref()?;
-        let age = Some(now.saturating_sub(*taken)).filter(|age| *age <= OLDEST)?;
+        let age = Some(now.saturating_sub(*taken)).filter(|age| *age <= oldest)?;
         let png = pictures.png.clone().or_else(|| draw(frame, marks).map(Bytes::from))?;
         pictures.png = Some(png.clone());
         Some((png, age))
@@ -144,7 +144,7 @@ mod tests {
             preview.offer(&frame(index), marks, at(ms));
             taken
         };
-        let age = |ms: u64| preview.latest(at(ms)).map(|(_, age)| age);
+        let age = |ms: u64| preview.latest(at(ms), OLDEST).map(|(_, age)| age);
         assert!(!give(1, 0), "nobody asked");
         assert_eq!(age(10), None);
         assert!(give(2, 20) && !give(3, 40) && !give(4, 519), "one in half a second");

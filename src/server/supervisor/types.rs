@@ -45,6 +45,8 @@ pub struct Plate {
     pub kinds: Vec<LayoutPart>,
     /// Frames that came more than one frame late, since the daemon started.
     pub deadline_misses: u64,
+    /// Those of the job on it.
+    pub job_deadline_misses: u64,
     /// Lag of plate time behind the clock in the present or last run, s: this computer was too slow.
     pub behind_s: f64,
     /// Size of the recording being written, MB; null while none is.

@@ -52,7 +52,7 @@ fn unknown_and_invalid_queries_are_refused() {
         ("limit=1&limit=1", "limit", "each key once"),
         ("cursor=../../x", "cursor", "a string of 32 characters or null"),
         ("state=done", "state", "one of queued, running, completed, failed, cancelled, interrupted"),
-        ("sort=1", "sort", "one of cursor, limit, state"),
+        ("sort=1", "sort", "one of cursor, limit, plate, state"),
     ] {
         let seen = api.get(&format!("/v1/jobs?{query}"));
         assert_eq!(seen.status, 400, "{query}");
@@ -60,7 +60,7 @@ fn unknown_and_invalid_queries_are_refused() {
         assert_eq!((&faults[0]["path"], &faults[0]["allowed"]), (&json!(path), &json!(allowed)), "{query}");
         assert_eq!(faults.as_array().unwrap().len(), 1, "{query}");
     }
-    for query in ["", "limit=200", "state=queued", &format!("cursor={NO_JOB}&limit=1")] {
+    for query in ["", "limit=200", "state=queued&plate=upm-1", &format!("cursor={NO_JOB}&limit=1")] {
         assert_eq!(api.get(&format!("/v1/jobs?{query}")).status, 200, "{query}");
     }
     assert_eq!(api.get("/v1/jobs?cursor=%ff").status, 400);

@@ -84,13 +84,16 @@ fn full_disk_takes_no_job() {
 }
 
 #[test]
-fn running_job_has_a_picture() {
+fn job_has_a_picture_while_it_runs_and_after() {
     let api = TestApi::new();
     let id = api.submit(ENDLESS);
     let path = format!("/v1/jobs/{id}/frame.png");
     let picture = eventually("a picture", || Some(api.get(&path)).filter(|answer| answer.status == 200));
     assert_eq!(picture.header("content-type"), "image/png");
     assert!(picture.header("upm-age-ms").parse::<u64>().is_ok() && picture.body.starts_with(b"\x89PNG"));
+    api.post(&format!("/v1/jobs/{id}/cancel"), "");
+    api.ended(&id);
+    assert_eq!(api.get(&path).status, 200, "the last one stays");
 }
 
 #[test]
@@ -138,7 +141,7 @@ fn checked_job_is_laid_out_and_not_queued() {
 }
 
 #[test]
-fn job_has_a_layout_while_it_runs_and_is_deleted_after() {
+fn job_has_a_layout_until_the_next_begins_and_is_deleted_after() {
     let api = TestApi::new();
     let [first, second] = [ENDLESS, REST].map(|text| api.submit(text));
     let layout = |id: &str| api.get(&format!("/v1/jobs/{id}/layout"));
@@ -150,7 +153,10 @@ fn job_has_a_layout_while_it_runs_and_is_deleted_after() {
     assert_eq!((delete(&first), delete(&second)), (409, 204), "one runs, one waits");
     api.post(&format!("/v1/jobs/{first}/cancel"), "");
     assert_eq!(api.ended(&first)["state"], "cancelled");
-    assert_eq!((layout(&first).status, layout("nothing").status), (404, 404));
+    assert_eq!((layout(&first).status, layout("nothing").status), (200, 404), "it was the last on its plate");
+    let next = api.submit(REST);
+    api.ended(&next);
+    assert_eq!((layout(&first).status, layout(&next).status, delete(&next)), (404, 200, 204), "it is no longer");
     assert_eq!([delete(&first), delete(&first)], [204, 404], "once");
     assert_eq!(std::fs::read_dir(api.daemon.store.runs()).unwrap().count(), 0);
 }

@@ -162,8 +162,12 @@ fn jobs_are_listed_newest_first_page_by_page() {
     let (_folder, store) = new_store(limits());
     let ids: Vec<JobId> = (0..5).map(|number| queue(&store, &format!("job-{number}"), "a").id).collect();
     claim(&store, "a").unwrap();
-    let list = |state, before| store.list(state, before, 2).unwrap().iter().map(|row| row.id).collect::<Vec<_>>();
-    assert_eq!(list(None, None), [ids[4], ids[3]]);
-    assert_eq!(list(None, Some(ids[2])), [ids[1], ids[0]]);
-    assert_eq!(list(Some(JobState::Running), None), [ids[0]]);
+    let other = queue(&store, "elsewhere", "b").id;
+    let list = |state, plate, before| {
+        store.list(state, plate, before, 2).unwrap().iter().map(|row| row.id).collect::<Vec<_>>()
+    };
+    assert_eq!(list(None, None, None), [other, ids[4]]);
+    assert_eq!(list(None, None, Some(ids[2])), [ids[1], ids[0]]);
+    assert_eq!(list(Some(JobState::Running), Some("a"), None), [ids[0]]);
+    assert_eq!((list(None, Some("b"), None), list(None, Some("c"), None)), (vec![other], vec![]));
 }
