@@ -24,16 +24,17 @@ impl Document {
     pub const ALL: [Self; 7] =
         [Self::Library, Self::Experiment, Self::Trace, Self::Daemon, Self::Rig, Self::Job, Self::Coins];
 
-    /// The kind of `value`, judged by its keys.
+    /// The kind of `value`, judged by its keys. A rig may extend another in place of its own motors.
     pub fn of(value: &Value) -> Option<Self> {
-        Self::ALL.into_iter().find(|document| value.get(document.key()).is_some())
+        let has = |key| value.get(key).is_some();
+        Self::ALL.into_iter().find(|document| has(document.key()) || (*document == Self::Rig && has("extends")))
     }
 
     /// The kind that `schema` asks of `value`, and the kind it is instead. `None` without evidence of another kind.
     pub(crate) fn mistaken(value: &Value, schema: &Value) -> Option<(Self, Self)> {
         let wanted = Self::of(schema.get("properties")?)?;
         let is_wanted = value.get(wanted.key()).is_some();
-        Self::of(value).filter(|_| !is_wanted).map(|found| (wanted, found))
+        Self::of(value).filter(|found| !is_wanted && *found != wanted).map(|found| (wanted, found))
     }
 
     /// The kind's name with its article.
