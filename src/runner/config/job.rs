@@ -152,6 +152,13 @@ impl JobSpec {
         self.task.is_endless(self.plate_time_limit_s)
     }
 
+    /// Index in the file of the path that a part follows.
+    pub(crate) fn path_of(&self, part: usize) -> usize {
+        let TaskSection::Trajectories { paths, .. } = &self.document.task else { return 0 };
+        let mut parts = paths.iter().enumerate().flat_map(|(i, path)| std::iter::repeat_n(i, path.count as usize));
+        parts.nth(part).unwrap_or_default()
+    }
+
     /// True if the job itself has a library, by its file or written out; its rig may name another.
     pub fn names_library(&self) -> bool {
         self.document.library.is_some()

@@ -14,8 +14,7 @@ use upm_chart::Chart;
 use upm_planning::cor_library::Library;
 use upm_runner::config::{self, DaemonSpec, Diagnostic, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec, text_of};
 use upm_runner::run::{
-    Coverage, PlannerSelection, check_places, check_simulate, job_library, library_faults, load_library,
-    tolerance_warning,
+    Coverage, PlannerSelection, check_places, check_simulate, job_library, job_warnings, library_faults, load_library,
 };
 use upm_viewer::RerunSink;
 
@@ -25,7 +24,8 @@ pub(super) struct ValidFile {
     says: String,
     /// Coverage of a library, or the forecast of a job, if requested.
     report: Option<FileReport>,
-    /// Warnings of drawings, and of tolerances tighter than the rig can hold. A job with warnings is valid.
+    /// Warnings of drawings, and of tolerances, speeds and limits that the rig cannot hold. A job with warnings is
+    /// valid.
     warnings: Vec<String>,
 }
 
@@ -198,7 +198,7 @@ fn check_job(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Commo
         let (chart, is_failure) = (plan_picture::plan_chart(&plan), plan.verdict().is_failure());
         report = Some(FileReport { key: "plan", lines: plan.lines(), json: plan.json(), chart, is_failure });
     }
-    let warnings = lines(job.warnings.iter().cloned().chain(tolerance_warning(&job, &library)).collect());
+    let warnings = lines(job_warnings(&job, &library));
     Ok(ValidFile { says, report, warnings })
 }
 

@@ -1,16 +1,16 @@
 use std::path::Path;
 
 use super::args::{Common, RunArgs};
-use super::job_list;
 use super::output::{Failure, INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
 use super::progress::RunProgress;
 use super::shipped::is_shipped;
 use super::summary::print_summary;
+use super::job_list;
 use upm_core::job::{Outcome, Pace};
 use upm_core::time::MonotonicClock;
 use upm_recording::{RecordingOptions, Report, Verdict};
 use upm_runner::config::{Diagnostic, DiagnosticClass, JobSpec};
-use upm_runner::run::{PacingStats, RunError, RunOptions, job_library, run as run_job};
+use upm_runner::run::{PacingStats, RunError, RunOptions, job_library, job_warnings, run as run_job};
 use upm_viewer::USUAL_MODE;
 
 /// Default folder for run folders.
@@ -21,6 +21,8 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let rerun = args.rerun.clone().unwrap_or(USUAL_MODE);
     let job = load_job(file, args)?;
     let library = job_library(&job).map_err(Failure::faults)?;
+    let warnings: Vec<String> = job_warnings(&job, &library).iter().map(ToString::to_string).collect();
+    warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     let clock = MonotonicClock::new();
     let real_time = args.pace == Pace::RealTime;
     let options = RunOptions {
@@ -36,7 +38,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let result = run_job(&job, library, &options, &clock, &stop, &pacing, &mut progress);
     progress.finish();
     let result = result.map_err(|error| run_failure(&error))?;
-    for warning in &result.report.incidents.warnings {
+    for warning in result.report.incidents.warnings.iter().filter(|warning| !warnings.contains(warning)) {
         tracing::warn!("{warning}");
     }
     if common.json {
