@@ -2,11 +2,12 @@ mod coverage;
 mod plan;
 mod plan_picture;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
 use super::args::{CheckArgs, Common};
+use super::job_changes::read_dash;
 use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
 use super::progress::LateProgress;
 use plan::PlanReport;
@@ -53,6 +54,7 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
     if let Some(path) = &args.picture {
         check_picture_name(path, args.files.len())?;
     }
+    read_dash(args.files.iter().map(PathBuf::as_path))?;
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::of_files)?;
     let results: Vec<(&Path, CheckResult)> =
         args.files.iter().map(|path| (path.as_path(), check_file(path, rig.as_ref(), args.plan, common))).collect();

@@ -5,7 +5,7 @@ use super::output::{Failure, INTERRUPTED, NOT_REACHED, print_json, stop_on_inter
 use super::progress::RunProgress;
 use super::shipped::is_shipped;
 use super::summary::print_summary;
-use super::job_list;
+use super::{job_changes, job_list};
 use upm_core::job::{Outcome, Pace};
 use upm_core::time::MonotonicClock;
 use upm_recording::{RecordingOptions, Report, Verdict};
@@ -51,7 +51,9 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
 
 /// The job in `file` with the changes of the command line.
 pub(super) fn load_job(file: &Path, args: &RunArgs) -> Result<JobSpec, Failure> {
-    let mut job = JobSpec::load(file).map_err(|faults| read_failed(file, faults))?;
+    job_changes::read_dash([file])?;
+    let job = job_changes::load(file, &args.changes)?;
+    let mut job = job.map_err(|faults| read_failed(file, faults))?;
     if let Some(seed) = args.seed {
         job = job.with_seed(seed);
     }
