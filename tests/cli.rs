@@ -33,13 +33,13 @@ mod locate_doubts;
 mod mistakes;
 #[path = "cli/mixed_coins.rs"]
 mod mixed_coins;
+#[path = "cli/movie.rs"]
+mod movie;
 #[path = "figures/page.rs"]
 #[allow(dead_code)] // cells of a row
 mod page;
 #[path = "cli/plan.rs"]
 mod plan;
-#[path = "cli/refusals.rs"]
-mod refusals;
 #[path = "cli/rigs.rs"]
 mod rigs;
 #[path = "cli/shapes.rs"]

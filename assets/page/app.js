@@ -25,7 +25,7 @@ let standing = '';
 let askedForJobs = 0;
 
 const stops = new Stops(part('estop'), part('stop-report'), () => [...cards.keys()]);
-const jobs = new Jobs(part('jobs'), () => refreshJobs());
+const jobs = new Jobs(part('jobs'), () => refreshJobs(), (plate, ways) => cards.get(plate)?.view.foresee(ways));
 const order = new Order(part('order'), (job, open) => {
   refreshJobs();
   if (open) jobs.open(job.id);

@@ -75,12 +75,13 @@ class Row {
 }
 
 export class Jobs {
-  /** `changed()` is called as a job's state changes. */
-  constructor(section, changed) {
+  /** `changed()` is called as a job's state changes, `foresee(plate, ways)` as a watched one moves. */
+  constructor(section, changed, foresee) {
     const part = (id) => section.querySelector(`#${id}`);
     [this.only, this.says, this.opened, this.list, this.newer, this.older, this.pageOf] =
       ['only', 'jobs-say', 'opened', 'rows', 'newer', 'older', 'page-of'].map(part);
     this.changed = changed;
+    this.foresee = foresee;
     this.cursors = [null];
     this.rows = new Map();
     this.asked = 0;
@@ -139,7 +140,7 @@ export class Jobs {
     try {
       const job = await json('GET', ofJob(id));
       this.close();
-      this.watched = new Watched(job, this.changed, () => this.close());
+      this.watched = new Watched(job, this.changed, () => this.close(), this.foresee);
       this.opened.replaceChildren(this.watched.root);
       this.watched.root.scrollIntoView({ block: 'nearest' });
       this.watched.root.focus({ preventScroll: true });

@@ -26,8 +26,9 @@ export class View {
     [this.grid, this.bins, this.paths, this.trails, this.targets, this.parts] =
       ['grid', 'bins', 'paths', 'trails', 'targets', 'parts'].map(group);
     this.ways = svg('path', { class: 'ways' });
+    this.steps = svg('path', { class: 'steps' });
     this.root = svg('svg', { class: 'view', role: 'img' });
-    this.root.append(this.grid, this.bins, this.paths, this.ways, this.trails, this.targets, this.parts);
+    this.root.append(this.grid, this.bins, this.paths, this.ways, this.trails, this.targets, this.parts, this.steps);
     this.past = [];
     this.half = 0;
     this.layOut(NO_LAYOUT);
@@ -70,6 +71,11 @@ export class View {
     const bins = this.layout.bins.length ? `, ${count(this.layout.bins.length, 'bin')}` : '';
     const seen = `${count(positions.length, 'part')}, ${count(targets.length, 'target')}${bins}`;
     this.root.setAttribute('aria-label', `${this.name} from above: ${seen}`);
+  }
+
+  /** Draws the ways that parts were to go in the present motion, from and to. */
+  foresee(ways) {
+    this.steps.setAttribute('d', ways.map((ends) => `M${ends.map(point).join('L')}`).join(''));
   }
 
   /** Outline and lines every 50 mm. */

@@ -7,9 +7,11 @@ import { watch } from './events.js';
 const LINES = 200;
 
 export class Watched {
-  /** `changed()` is called when the job's state did, `close()` when it is no longer to be watched. */
-  constructor(job, changed, close) {
+  /** `changed()` is called when the job's state did, `close()` when it is no longer to be watched, and
+      `foresee(plate, ways)` with where the parts of a cycle without a pause were to go. */
+  constructor(job, changed, close, foresee) {
     this.job = job;
+    this.foresee = foresee;
     this.control = new AbortController();
     this.state = el('span', { class: 'state' });
     this.says = el('p', { class: 'why', role: 'status' });
@@ -68,17 +70,27 @@ export class Watched {
       if (body.state !== this.noted) this.note(null, body.state, `${body.state}${and(body.reason)}`);
       this.noted = body.state;
       this.take(body);
+      if (body.finished_at !== null) this.foresee(body.plate, []);
       changed();
     } else if (body.type === 'cycle') this.hearCycle(body);
     else if (body.type === 'event') this.note(body.at_s, body.level, body.text);
   }
 
-  hearCycle({ cycle, ended_at_s: at, plan, result_mm: result, wanted }) {
-    const targets = wanted.targets_mm;
-    const apart = result.length === targets.length ? result.map(([x, y], i) => Math.hypot(x - targets[i][0], y - targets[i][1])) : [];
-    const worst = apart.length ? `, largest distance to target ${Math.max(...apart).toFixed(2)} mm` : '';
+  hearCycle({ cycle, observed_at_s: from, ended_at_s: at, observed_mm: observed, predicted_mm: predicted, plan, result_mm: result, wanted }) {
+    const farthest = (places) => {
+      const far = result.length === places.length ? result.map(([x, y], i) => Math.hypot(x - places[i][0], y - places[i][1])) : [];
+      return far.length ? Math.max(...far) : null;
+    };
+    const [left, went] = [wanted.targets_mm, observed].map(farthest);
     const pulses = plan.pulses.length;
-    setText(this.cycle, `Cycle ${cycle} at ${at.toFixed(1)} s: ${pulses} ${pulses === 1 ? 'pulse' : 'pulses'}${worst}`);
+    const hertz = plan.pulses[0]?.base_hz;
+    // replaced after about a period; after a pulse the plate comes to rest for longer
+    const moves = (at - from) * hertz < 1.5;
+    const speed = moves && went !== null ? `, ${(went * hertz).toFixed(0)} mm/s at most` : '';
+    const how = moves ? 'without a pause' : `${pulses} ${pulses === 1 ? 'pulse' : 'pulses'}`;
+    const worst = left === null ? '' : `, largest distance to target ${left.toFixed(2)} mm`;
+    setText(this.cycle, `Cycle ${cycle} at ${at.toFixed(1)} s: ${how}${worst}${speed}`);
+    this.foresee(this.job.plate, moves && predicted.length ? predicted.map((end, i) => [observed[i], end]) : []);
   }
 
   note(at, kind, text) {
@@ -96,6 +108,7 @@ export class Watched {
   }
 
   end() {
+    this.foresee(this.job.plate, []);
     this.control.abort();
     this.camera.off('');
     this.root.remove();

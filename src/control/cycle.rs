@@ -178,7 +178,7 @@ impl ControlCycle<'_, '_> {
             self.planning.check_controllable(&observed, &wanted)?;
             self.check_limits()?;
             // the first segment of a motion without pauses is a probe, too
-            if self.moving().is_none() {
+            if self.moving().is_none() || wanted.asks_nothing(&observed) {
                 self.probe()?;
                 return self.observe_at_rest();
             }
@@ -189,7 +189,10 @@ impl ControlCycle<'_, '_> {
             let id = |part| self.params.id(part);
             return Break(self.planning.watch.ending(&wanted, &observed, id));
         }
-        if let Some(moved) = self.move_on(&observed, wanted.clone()) {
+        // where nothing is asked, the plate rests until a part has drifted, or time has passed
+        if !wanted.asks_nothing(&observed)
+            && let Some(moved) = self.move_on(&observed, wanted.clone())
+        {
             *last_pulse_at = self.io.rig.now();
             self.played = true;
             return moved;

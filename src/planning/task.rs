@@ -47,6 +47,8 @@ pub struct Setpoints {
     pub subgoals_m: Vec<Vec2>,
     /// Final position of each part, m; on endless tasks the end of the present stretch.
     pub targets_m: Vec<Vec2>,
+    /// Number of the present task of several, from 1; 0 for one alone.
+    pub task: usize,
     /// Present activity, in words: `lap 2 of 3: branch +x, outwards`.
     pub phase: String,
     /// Bound of a part's displacement in one sequence of rotations, m, where the task has one.
@@ -68,6 +70,13 @@ pub struct Setpoints {
     pub phase_error: Vec<f64>,
     /// True when the task is complete.
     pub done: bool,
+}
+
+impl Setpoints {
+    /// True where parts at `places_m` have nowhere to go: the task is complete, or waits.
+    pub fn asks_nothing(&self, places_m: &[Vec2]) -> bool {
+        self.done || self.subgoals_m == places_m
+    }
 }
 
 /// The stretch of its path on which a part moves in a cycle. Arc lengths count from the beginning of the path over all

@@ -7,7 +7,7 @@ use upm_core::time::PlateTime;
 use upm_planning::task::{PathStretch, Setpoints};
 
 /// Distances from the paths, phases, distances gone and speeds of all parts between the first and the last points of
-/// their paths.
+/// their paths, over all tasks with paths.
 #[derive(Debug, Default)]
 pub(crate) struct PathStats {
     wanted_at: PlateTime,
@@ -15,17 +15,19 @@ pub(crate) struct PathStats {
     in_phase: bool,
     cross_track: Lengths,
     phase_error_max: Option<f64>,
-    parts: Vec<Option<PartOnPath>>,
+    parts: Vec<PartOnPath>,
 }
 
-/// One part from its first frame on its path.
-#[derive(Clone, Copy, Debug)]
+/// One part in the frames that show it on its path.
+#[derive(Clone, Copy, Debug, Default)]
 struct PartOnPath {
-    last_m: Vec2,
+    /// The last such frame: time, place and arc length.
+    last: Option<(PlateTime, Vec2, f64)>,
     travel_m: f64,
-    begun: (PlateTime, f64),
-    now: (PlateTime, f64),
-    asked_mps: f64,
+    along_m: f64,
+    took_s: f64,
+    /// Arc length at the speed asked, m.
+    asked_m: f64,
 }
 
 impl PathStats {
@@ -33,7 +35,11 @@ impl PathStats {
     pub fn setpoints(&mut self, at: PlateTime, wanted: &Setpoints) {
         (self.wanted_at, self.in_phase) = (at, !wanted.phase_error.is_empty());
         self.paths.clone_from(&wanted.paths);
-        self.parts.resize(self.paths.len().max(self.parts.len()), None);
+        self.parts.resize(self.paths.len().max(self.parts.len()), PartOnPath::default());
+        for (part, on_path) in self.parts.iter_mut().enumerate() {
+            let is_on_path = self.paths.get(part).and_then(Option::as_ref).is_some_and(|path| !path.is_over);
+            on_path.last = on_path.last.filter(|_| is_on_path);
+        }
     }
 
     /// Takes the position of a part in a frame.
@@ -46,45 +52,30 @@ impl PathStats {
             let error = (along_m - reference_m).abs() / path.lap_m;
             self.phase_error_max = Some(self.phase_error_max.unwrap_or(0.0).max(error));
         }
-        let begins = PartOnPath {
-            last_m: position_m,
-            travel_m: 0.0,
-            begun: (at, along_m),
-            now: (at, along_m),
-            asked_mps: path.speed_mps,
-        };
-        let on_path = self.parts[part].get_or_insert(begins);
-        on_path.travel_m += (position_m - on_path.last_m).norm();
-        (on_path.last_m, on_path.now) = (position_m, (at, along_m));
+        let on_path = &mut self.parts[part];
+        if let Some((last_at, last_m, last_along_m)) = on_path.last.replace((at, position_m, along_m)) {
+            let took_s = at.secs_since(last_at);
+            on_path.travel_m += (position_m - last_m).norm();
+            on_path.along_m += along_m - last_along_m;
+            on_path.took_s += took_s;
+            on_path.asked_m += path.speed_mps * took_s;
+        }
     }
 
     /// The figures; `None` where no frame has a part on its path.
     pub fn report(&self) -> PathReport {
-        let on_paths = || self.parts.iter().flatten();
-        let travel_m: f64 = on_paths().map(|part| part.travel_m).sum();
-        let along_m: f64 = on_paths().map(PartOnPath::along_m).sum();
-        let paced = on_paths().filter(|part| part.asked_mps > 0.0);
-        let slowest = paced.min_by(|a, b| a.speed_share().total_cmp(&b.speed_share()));
+        let travel_m: f64 = self.parts.iter().map(|part| part.travel_m).sum();
+        let along_m: f64 = self.parts.iter().map(|part| part.along_m).sum();
+        let paced = self.parts.iter().filter(|part| part.asked_m > 0.0);
+        let slowest = paced.min_by(|a, b| (a.along_m / a.asked_m).total_cmp(&(b.along_m / b.asked_m)));
         PathReport {
             cross_track_rms_mm: self.cross_track.rms_mm(),
             cross_track_max_mm: self.cross_track.max_mm(),
             travel_ratio: (along_m > 0.0).then(|| rounded(travel_m / along_m)),
             phase_error_max: self.phase_error_max.map(rounded),
-            speed_asked_mm_s: slowest.map(|part| mm(part.asked_mps)),
-            speed_held_mm_s: slowest.map(|part| mm(part.speed_share() * part.asked_mps)),
+            speed_asked_mm_s: slowest.map(|part| mm(part.asked_m / part.took_s)),
+            speed_held_mm_s: slowest.map(|part| mm(part.along_m / part.took_s)),
         }
-    }
-}
-
-impl PartOnPath {
-    fn along_m(&self) -> f64 {
-        self.now.1 - self.begun.1
-    }
-
-    /// Mean speed as a share of the speed asked.
-    fn speed_share(&self) -> f64 {
-        let took_s = self.now.0.secs_since(self.begun.0);
-        if took_s > 0.0 { self.along_m() / took_s / self.asked_mps } else { 1.0 }
     }
 }
 

@@ -83,6 +83,9 @@ pub struct WorkReport {
     pub pulses: u64,
     /// Laps completed.
     pub laps: u32,
+    /// Plate time at which each task of a list began, s, of the first hundred; empty for a job of one task.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tasks_from_s: Vec<f64>,
     /// Contacts between parts; `None` on a rig without ground truth.
     pub collisions: Option<u64>,
     /// Number of parts that were missing for so long that the run ended.

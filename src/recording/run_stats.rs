@@ -16,6 +16,9 @@ const SAME_MOMENT_S: f64 = 1e-6;
 /// Largest number of reported guards: one that comes and goes is reported each time.
 const MOST_GUARDS: usize = 100;
 
+/// Number of tasks whose beginnings are reported: a list of them may be gone through without end.
+const MOST_TASKS: usize = 100;
+
 /// Counts events and compares measurements with the truth, where the rig provides it.
 #[derive(Debug, Default)]
 pub struct RunStats {
@@ -26,6 +29,8 @@ pub struct RunStats {
     sensing: Lengths,
     sensing_at_rest: Lengths,
     paths: PathStats,
+    /// Times at which the tasks of a list began, s, up to [`MOST_TASKS`].
+    tasks_from_s: Vec<f64>,
     cycle_errors: Lengths,
     off_library: Lengths,
     off_learning: Lengths,
@@ -51,6 +56,7 @@ impl RunStats {
                 frames: self.frames,
                 cycles: self.cycles,
                 pulses: self.pulses,
+                tasks_from_s: self.tasks_from_s.clone(),
                 collisions: self.truth.as_ref().map(|truth| truth.read().collisions),
                 ..ending.work
             },
@@ -101,6 +107,9 @@ impl Sink for RunStats {
 
     fn setpoints(&mut self, at: PlateTime, wanted: &Setpoints) {
         self.paths.setpoints(at, wanted);
+        if (self.tasks_from_s.len() + 1..=MOST_TASKS).contains(&wanted.task) {
+            self.tasks_from_s.push(rounded(at.secs()));
+        }
     }
 
     fn pulse(&mut self, facts: &PulseFacts) {

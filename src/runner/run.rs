@@ -16,10 +16,13 @@ mod in_memory;
 #[cfg(test)]
 mod journal_failure_tests;
 mod knocks;
+#[cfg(test)]
+mod late_segment_tests;
 mod library;
 #[cfg(test)]
 mod lost_tests;
 mod machine;
+mod movie;
 #[cfg(test)]
 mod moving_stop_tests;
 mod paced;
@@ -64,6 +67,7 @@ pub use folder::RunFolder;
 pub use in_memory::InMemoryRun;
 pub use library::{LibraryOutput, check_places, job_library, library_faults, load_library, rig_library};
 pub use machine::{maker, maker_of};
+pub use movie::movie;
 pub use paced::PacingStats;
 pub use path_warnings::job_warnings;
 pub use planner_selection::PlannerSelection;

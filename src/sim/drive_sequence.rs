@@ -60,6 +60,11 @@ impl DriveSequence {
         Some(start_s)
     }
 
+    /// Time that the playing pulse takes to decay, s; 0 where nothing plays.
+    pub fn fade_s(&self) -> f64 {
+        self.playing.as_ref().map_or(0.0, |playing| playing.drive.envelope.attack_s)
+    }
+
     /// Counts while `drive` takes over from the playing pulse, `t_s` after it starts; zero where nothing plays.
     pub fn counts_of_take_over(&self, drive: &Drive, t_s: f64) -> [f64; MOTORS] {
         let Some(playing) = &self.playing else { return [0.0; MOTORS] };

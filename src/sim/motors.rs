@@ -10,6 +10,9 @@ use super::oscillator::{ModeState, Oscillator};
 use super::plate::Wrench;
 use upm_core::signal::{Drive, Envelope, MOTORS};
 
+/// A drive's largest sample relative to the largest over the phases of [`Drive::peak_counts`], at most.
+const PHASES_MISS: f64 = 1.003;
+
 /// Four voice coils with their amplifiers.
 #[derive(Clone, Debug)]
 pub(crate) struct Motors {
@@ -104,13 +107,22 @@ impl Motors {
         self.drives.taken_over()
     }
 
-    /// Largest count of any motor in `drive`, sample by sample: from rest, or while it takes over and ends.
-    pub fn peak_of(&self, drive: &Drive, takes_over: bool) -> f64 {
-        let samples = (drive.envelope.driven_s() * self.params.sample_hz) as u64;
-        let counts = (0..samples).flat_map(|sample| {
-            let t_s = sample as f64 / self.params.sample_hz;
-            if takes_over { self.drives.counts_of_take_over(drive, t_s) } else { drive.counts_at(t_s) }
-        });
+    /// Largest count of any motor in `drive`, which starts from rest, sample by sample.
+    pub fn peak_of(&self, drive: &Drive) -> f64 {
+        self.peak_until(drive.envelope.driven_s(), |t_s| drive.counts_at(t_s))
+    }
+
+    /// Largest count of any motor while `drive` takes over and, where the drive alone may pass `limit_counts`, to its
+    /// end.
+    pub fn peak_of_take_over(&self, drive: &Drive, limit_counts: f64) -> f64 {
+        let is_within = drive.peak_above(limit_counts / PHASES_MISS).is_none();
+        let until_s = if is_within { self.drives.fade_s() } else { drive.envelope.driven_s() };
+        self.peak_until(until_s, |t_s| self.drives.counts_of_take_over(drive, t_s))
+    }
+
+    fn peak_until(&self, until_s: f64, counts_at: impl Fn(f64) -> [f64; MOTORS]) -> f64 {
+        let samples = (until_s * self.params.sample_hz).ceil() as u64;
+        let counts = (0..samples).flat_map(|sample| counts_at(sample as f64 / self.params.sample_hz));
         counts.fold(0.0, |peak: f64, counts| peak.max(counts.abs()))
     }
 
@@ -298,6 +310,22 @@ mod tests {
         assert!(peak(&strong_coils, 5e4) < 1.2 * 511.0 * 0.02, "the generator's limit");
         let uneven = MotorParams { gain_error: [0.1, 0.0, 0.0, 0.0], ..PARAMS };
         assert!((peak(&uneven, 100.0) / peak(&PARAMS, 100.0) - 1.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_take_over_is_as_strong_as_both_drives_and_then_as_its_own() {
+        let envelope = Envelope { attack_s: 1.0 / 30.0, sustain_s: 0.02, rest_s: 0.0 };
+        for (playing, next) in [(500.0, 300.0), (100.0, 300.0)] {
+            let mut motors = Motors::new(&PARAMS, 5e-5);
+            motors.start(steady(playing, envelope));
+            let drive = steady(next, envelope);
+            let whole = motors.peak_until(envelope.driven_s(), |t_s| motors.drives.counts_of_take_over(&drive, t_s));
+            assert!(whole > 0.99 * f64::max(playing, next) && whole < 1.2 * f64::max(playing, next), "{whole}");
+            assert_eq!(motors.peak_of_take_over(&drive, 250.0), whole, "all of a strong one is looked at");
+            for limit in [400.0, 0.999 * whole, 1.001 * whole] {
+                assert_eq!(motors.peak_of_take_over(&drive, limit) > limit, whole > limit, "{playing} {limit}");
+            }
+        }
     }
 
     #[test]

@@ -244,6 +244,11 @@ impl CameraParams {
         let principal_px = Vec2::from(self.principal_px.unwrap_or(middle_px));
         Lens { focal_px: self.focal_px, principal_px, radial: self.radial, tangential: self.tangential }
     }
+
+    /// Standard deviation of read and shot noise at a gray level: the root of `read_noise² + level · 255/full_well`.
+    pub fn noise_sd(&self, level: f64) -> f64 {
+        (self.read_noise.powi(2) + level * 255.0 / self.full_well_e).sqrt()
+    }
 }
 
 /// Contact between parts.

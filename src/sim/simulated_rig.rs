@@ -164,7 +164,7 @@ impl Rig for SimRig {
         }
         // the bound holds for every sustain, and these samples for this one
         if drive.peak_counts() > self.model.count_limit {
-            self.check_peak(self.plant.motors.peak_of(drive, false))?;
+            self.check_peak(self.plant.motors.peak_of(drive))?;
         }
         self.port.energize()?;
         self.settled_at = self.now() + drive.envelope.total_s();
@@ -180,7 +180,7 @@ impl Rig for SimRig {
     fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
         self.stop_if_tripped()?;
         self.check(drive)?;
-        self.check_peak(self.plant.motors.peak_of(drive, true))?;
+        self.check_peak(self.plant.motors.peak_of_take_over(drive, self.model.count_limit))?;
         let start = self.now() + self.plant.take_over(drive.clone()).ok_or(RigFault::TooLate)?;
         self.settled_at = start + drive.envelope.total_s();
         self.rest_s = drive.envelope.rest_s;

@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use upm_core::geometry::Vec2;
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::job::{Bin, LayoutPart, LayoutPath};
 use upm_core::rig::RigModel;
@@ -27,6 +28,21 @@ pub struct RunContext {
     pub paths: Vec<LayoutPath>,
     /// Ground truth; `None` on a rig without it.
     pub truth: Option<GroundTruthHandle>,
+}
+
+/// Data about a run for its movie.
+#[derive(Clone, Debug)]
+pub struct MovieContext {
+    /// Every part, in the order of the job.
+    pub parts: Vec<LayoutPart>,
+    /// Target of each part, m; empty for a task without targets.
+    pub targets_m: Vec<Vec2>,
+    /// The bins that parts are sorted into.
+    pub bins: Vec<Bin>,
+    /// Paths that parts shall follow.
+    pub paths: Vec<LayoutPath>,
+    /// Standard deviation of the camera's noise at each gray level.
+    pub noise_sd: [f64; 256],
 }
 
 /// Reason that a recording could not be made or is incomplete, in words.

@@ -39,19 +39,14 @@ fn journal(run: &Path) -> Vec<u8> {
     fs::read(run.join("journal.jsonl")).unwrap()
 }
 
-#[track_caller]
-fn assert_at_most(report: &Value, bars: &[(&str, f64)]) {
-    for (key, bar) in bars {
-        assert!(report[key].as_f64().is_some_and(|value| value <= *bar), "{key}: at most {bar}: {report}");
-    }
-}
-
 #[test]
 fn plus_sign_completes_on_the_weak_rig() {
     let (_folder, run, report) = outcome("upm-1", |_| (), 0);
     assert_eq!((&report["outcome"], &report["laps"]), (&json!("completed"), &json!(1)));
     let bars = [("cross_track_max_mm", 0.6), ("sensing_rms_error_mm", 0.1), ("max_error_mm", 0.6), ("lost_parts", 0.0)];
-    assert_at_most(&report, &bars);
+    for (key, bar) in bars {
+        assert!(report[key].as_f64().is_some_and(|value| value <= bar), "{key}: at most {bar}: {report}");
+    }
     let saved: Value = serde_json::from_str(&fs::read_to_string(run.join("report.json")).unwrap()).unwrap();
     assert_eq!(saved, report);
 }

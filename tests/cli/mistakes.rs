@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use super::{root, upm};
 
 /// Wrong command lines, run in a folder that `upm init` made.
-const COMMANDS: [&str; 29] = [
+const COMMANDS: [&str; 32] = [
     "rnu configs/plus-sign.json",
     "lab mchip",
     "configs/plus-sign.json",
@@ -25,6 +25,9 @@ const COMMANDS: [&str; 29] = [
     "run configs/plus-sign.json configs/hold-4.json",
     "run configs",
     "run configs/plus-sign.json -v -q",
+    "run configs/plus-sign.json --movie movie.png",
+    "run configs/plus-sign.json --movie movie.gif --camera positions",
+    "run configs/plus-sign.json --movie movie.gif --seeds 1..2",
     "calibrate --rig configs/rigs/upm-1.json",
     "calibrate --rig configs/plus-sign.json --out library.json",
     "check",

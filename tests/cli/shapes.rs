@@ -73,5 +73,5 @@ fn examples_of_the_guide_to_jobs_are_valid_or_faulty_as_stated() {
         }
     }
     assert_eq!(others, Vec::<String>::new(), "faults that the guide tells otherwise");
-    assert!(valid >= 8 && faulty >= 2, "{valid} valid, {faulty} faulty");
+    assert!(valid >= 8 && faulty >= 1, "{valid} valid, {faulty} faulty");
 }

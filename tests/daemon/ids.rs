@@ -14,16 +14,14 @@ fn job_is_found_by_either_end_of_its_id_by_its_name_and_as_the_last() {
     for (id, name) in jobs.iter().zip(["first", "second", "third"]) {
         let length = (1..32).find(|&length| !is_shared(&id[..length])).unwrap();
         assert!(shown(&id[..length]).starts_with(&format!("{name} on plate ")), "{id}");
-        let both = [&id[26..], name].map(shown);
-        assert!(both.iter().all(|shown| shown.starts_with(&format!("{name} on plate "))), "{both:?}");
+        assert_eq!([shown(&id[26..]), shown(name)], [shown(id), shown(id)]);
         let (watched, _) = served.status(&["watch", &id[..length]], 0);
         assert!(watched.contains(&format!("{name} on plate ")), "{watched}");
         let shared = &id[..length - 1];
         let (stdout, stderr) = served.status(&["cancel", shared], 2);
         assert!(stdout.is_empty() && stderr.lines().count() == 1, "{stderr}");
         assert!(stderr.starts_with("upm: ID: expected more digits of one of "), "{stderr}");
-        let named = jobs.iter().filter(|id| id.starts_with(shared));
-        assert!(named.into_iter().all(|id| stderr.contains(id.as_str())), "{stderr}");
+        assert!(jobs.iter().filter(|id| id.starts_with(shared)).all(|id| stderr.contains(id.as_str())), "{stderr}");
     }
 }
 

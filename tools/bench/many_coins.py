@@ -2,7 +2,7 @@
 """Many coins at once over many seeds: how many jobs get done, how fast, how exactly; the benchmark page of the README.
 
 usage: many_coins.py [--seeds 20] [--jobs 2] [--only NAME ...] [--planner synthesized_field] [--spread 0.1] [--alone 5]
-                     [--compare 10] [--compare-limit 120] [--upm target/debug/upm]
+                     [--compare 10] [--compare-limit 120] [--plot many_coins.svg] [--upm target/debug/upm]
 
 Every run is the whole loop on upm-2: each frame at 60/s rendered and looked at, parts' friction spread by --spread (its
 relative standard deviation), starts at random. Targets of the arrange jobs, starts of swap-2 and ring-6 are drawn by the
@@ -13,7 +13,7 @@ seed. The dense jobs (row-6-22 and so on) run when they are named. Prints a line
   alone       --alone runs of arrange-8 and arrange-16 one at a time on one core: planning times, with the p99 over the cycles
               of all runs, and speed; of one job with recording, too, rotations on all cores.
   comparison  --compare runs of the arrange jobs with each of the other planners, from the same starts to the same targets; a
-              run of more than --compare-limit s of plate time is not done.
+              run of more than --compare-limit s of plate time is not done. --plot shows the plate times side by side.
 
 Exit status 1 when a bar is missed.
 """
@@ -34,9 +34,8 @@ from common import ROOT, config, output_of, parser_of, percentile, speed_of, tab
 
 APART_MM, MARGIN_MM, WIDEST_MM = 25.4, 5.0, 24.26
 FIELD_P99_MS = {"arrange-8": 2.0, "arrange-16": 6.0}
-RECORDED, FIELD_SPEED = "arrange-8", 15.0
 
-# the bars of sequences of rotations: median plate time, planning of a new sequence and of a correction, speed with recording
+# the bars of sequences of rotations: median plate time, planning of a new sequence and of a correction
 ROTATIONS = "cor_sequence"
 ROTATION_MEDIAN_S = {
     "arrange-2": 6.0, "arrange-4": 14.0, "arrange-8": 36.0, "arrange-16": 150.0,
@@ -48,11 +47,12 @@ MOVING_MEDIAN_S = {
     "arrange-2": 1.6, "arrange-4": 1.8, "arrange-8": 3.0, "arrange-16": 8.0, "arrange-24": 25.0, "arrange-32": 60.0,
     "sort-8": 3.5, "sort-12": 8.0, "letters-16": 15.0, "grid-20-22": 60.0, "line-10": 8.0,
 }  # fmt: skip
+MOVING_WORST_S = {"arrange-2": 3.0, "arrange-4": 3.0, "arrange-8": 6.0, "arrange-16": 16.0}
 MOVING_P99_MS = {"arrange-8": 15.0, "arrange-16": 30.0}
-MOVING_SPEED = 5.0
 MEDIAN_S = {ROTATIONS: ROTATION_MEDIAN_S, MOVING: MOVING_MEDIAN_S}
 ROTATION_P99_MS = {"arrange-8": (80.0, 3.0), "arrange-16": (250.0, 10.0)}
-ROTATION_RECORDED, ROTATION_RECORDED_SPEED = "arrange-16", 10.0
+# the job that is recorded, and its bar
+RECORDED = {ROTATIONS: ("arrange-16", 10.0), "synthesized_field": ("arrange-8", 15.0), MOVING: ("arrange-8", 5.0)}
 
 KINDS = {"plan_ms": "planning", "new_ms": "planning a new sequence", "correction_ms": "correcting a sequence"}
 
@@ -88,9 +88,7 @@ def swap(rng):
 
 
 def ring(rng):
-    radius, turn = rng.uniform(50.0, 100.0), rng.uniform(0.0, 2.0 * math.pi)
-    angles = [turn + k * math.pi / 3.0 for k in range(6)]
-    places = [[radius * math.cos(a), radius * math.sin(a)] for a in angles]
+    places = circle(6, rng.uniform(50.0, 100.0), rng.uniform(0.0, 2.0 * math.pi))
     parts = [{"kind": "penny", "position_mm": place} for place in places]
     return parts, {"type": "arrange", "targets_mm": places[1:] + places[:1], "assignment": "fixed"}
 
@@ -106,8 +104,8 @@ def grid(columns, rows, pitch_mm):
     return [[pitch_mm * (column - middle[0]), pitch_mm * (row - middle[1])] for row in range(rows) for column in range(columns)]
 
 
-def octagon(radius_mm):
-    angles = [k * math.pi / 4 for k in range(8)]
+def circle(count, radius_mm, turn=0.0):
+    angles = [turn + k * 2.0 * math.pi / count for k in range(count)]
     return [[radius_mm * math.cos(angle), radius_mm * math.sin(angle)] for angle in angles]
 
 
@@ -136,10 +134,7 @@ class Job:
 
 EXACT = {"collisions": 0, "lost_parts": 0, "max_error_mm": 0.5}
 JOBS = {
-    "arrange-2": Job(arrange(2), median_s=6.0, most=EXACT),
-    "arrange-4": Job(arrange(4), median_s=10.0, most=EXACT),
-    "arrange-8": Job(arrange(8), median_s=22.0, most=EXACT),
-    "arrange-16": Job(arrange(16), median_s=50.0, most=EXACT),
+    **{f"arrange-{n}": Job(arrange(n), median_s=s, most=EXACT) for n, s in ((2, 6.0), (4, 10.0), (8, 22.0), (16, 50.0))},
     "arrange-24": Job(arrange(24), share=0.9, limit_s=600.0),
     "sort-8": Job(shipped("sort-8"), median_s=25.0),
     "sort-12": Job(shipped("sort-12"), median_s=40.0),
@@ -149,12 +144,9 @@ JOBS = {
 }
 # places that leave little between the pennies (19 mm), and more of them; run when they are named
 DENSE = {
-    "row-6-22": Job(placed(grid(6, 1, 22.0)), share=0.0),
-    "row-8-22": Job(placed(grid(8, 1, 22.0)), share=0.0),
-    "octagon-8": Job(placed(octagon(32.0)), share=0.0),
-    "grid-9-24": Job(placed(grid(3, 3, 24.0)), share=0.0, limit_s=600.0),
-    "grid-12-25": Job(placed(grid(4, 3, 25.0)), share=0.0, limit_s=600.0),
-    "grid-12-32": Job(placed(grid(4, 3, 32.0)), share=0.0, limit_s=600.0),
+    **{f"row-{n}-22": Job(placed(grid(n, 1, 22.0)), share=0.0) for n in (6, 8)},
+    "octagon-8": Job(placed(circle(8, 32.0)), share=0.0),
+    **{f"grid-{3 * n}-{mm:.0f}": Job(placed(grid(n, 3, mm)), share=0.0, limit_s=600.0) for n, mm in ((3, 24.0), (4, 25.0), (4, 32.0))},
     "arrange-32": Job(arrange(32), most=EXACT, limit_s=600.0),
     "letters-16": Job(shipped("letters-16"), most=EXACT),
     "grid-20-22": Job(placed(grid(5, 4, 22.0)), most=EXACT, limit_s=600.0),
@@ -228,10 +220,6 @@ def shown(found, digits=1, width=9):
     return f"{'-' if found is None else format(found, f'.{digits}f'):>{width}}"
 
 
-def p99(found):
-    return percentile(found, 0.99)
-
-
 HEAD = "job         seed outcome      plate s  touch   lost   err mm path rms   phase  times  reason"
 
 
@@ -299,13 +287,12 @@ def alone(bench, names, planner, seeds):
         bars = zip(("new_ms", "correction_ms"), ROTATION_P99_MS[name]) if planner == ROTATIONS else [("plan_ms", field_ms)]
         for key, bar in bars:
             cycles = [ms for found in values(reports, key) for ms in found]
-            of_all, median = (shown(over(figure, cycles), 2, 0) for figure in (p99, statistics.median))
+            of_all, median = (shown(over(figure, cycles), 2, 0) for figure in (lambda ms: percentile(ms, 0.99), statistics.median))
             print(f"{name:11} {KINDS[key]} p99 {of_all} ms of {len(cycles)} cycles, bar {bar:g}; median {median}")
-            if not cycles or p99(cycles) > bar:
+            if not cycles or percentile(cycles, 0.99) > bar:
                 yield f"{name}: {KINDS[key]} p99 {of_all} ms, bar {bar:g}"
         print(f"{name:11} without recording {speeds(reports)}", flush=True)
-    of_fields = RECORDED, MOVING_SPEED if planner == MOVING else FIELD_SPEED
-    recorded, bar = (ROTATION_RECORDED, ROTATION_RECORDED_SPEED) if planner == ROTATIONS else of_fields
+    recorded, bar = RECORDED.get(planner, (None, 0.0))
     if recorded in names:
         # a recording is written beside the loop: rotations are held to their bar as people run them, on all cores
         one_core = planner != ROTATIONS
@@ -332,8 +319,30 @@ def print_comparison(campaigns, names, most_s):
             print(f"{name:11} {PLANNERS[planner]:32} {len(completed(reports, most_s))} of {len(reports)}, {time}, {lost} lost")
 
 
+def plot(campaigns, names, most_s):
+    """An SVG: plate time of every run that was done, a column of dots for each planner, with the median as a line."""
+    width, bottom = 70 + 150 * len(names), 300
+    y = lambda s: bottom - 100 * math.log10(s / 0.5)
+    text = lambda x, y, words, more="": f'<text x="{x}" y="{y:.1f}" {more}>{words}</text>'
+    rule = lambda x, to, y, stroke, wide: f'<path d="M{x} {y:.1f}H{to}" stroke="{stroke}" stroke-width="{wide}"/>'
+    marks = [text(4, 16, "plate time, s")]
+    for s in (1, 2, 5, 10, 20, 50, 100):
+        marks += [rule(40, width, y(s), "#ddd", 1), text(34, y(s) + 4, s, 'text-anchor="end"')]
+    colors = "#14685c", "#8a8f98", "#1b5fc1", "#b8702a"
+    for i, (color, (planner, campaign)) in enumerate(zip(colors, campaigns.items())):
+        marks.append(text(40, bottom + 40 + 16 * i, f"● {PLANNERS[planner]}", f'fill="{color}"'))
+        for x, name in zip(range(64, width, 150), names):
+            middle, median = x + 30 * i, median_s(campaign[name], most_s)
+            done_s = [report["plate_time_s"] for report in completed(campaign[name], most_s)]
+            marks += [f'<circle cx="{middle}" cy="{y(s):.1f}" r="2.5" fill="{color}" fill-opacity="0.5"/>' for s in done_s]
+            marks += [rule(middle - 10, middle + 10, y(median), color, 2.5)] if median else []
+    marks += [text(x + 15, bottom + 18, name) for x, name in zip(range(64, width, 150), names)]
+    frame = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {bottom + 120}" style="font: 12px sans-serif">'
+    return "\n".join([frame, '<rect width="100%" height="100%" fill="#fff"/>', *marks, "</svg>\n"])
+
+
 def main():
-    parser = parser_of(__doc__, seeds=20, jobs=2, spread=0.1, alone=5, compare=10, compare_limit=120.0)
+    parser = parser_of(__doc__, seeds=20, jobs=2, spread=0.1, alone=5, compare=10, compare_limit=120.0, plot="many_coins.svg")
     parser.add_argument("--only", nargs="+", choices=JOBS, default=[name for name in JOBS if name not in DENSE], metavar="NAME")
     parser.add_argument("--planner", choices=PLANNERS, default="synthesized_field")
     args = parser.parse_args()
@@ -341,6 +350,8 @@ def main():
     names = [name for name in JOBS if name in args.only]
     for name, bar in MEDIAN_S.get(args.planner, {}).items():
         JOBS[name].median_s = bar
+    for name, bar in (MOVING_WORST_S if args.planner == MOVING else {}).items():
+        JOBS[name].most = JOBS[name].most | {"plate_time_s": bar}
     compared = [name for name in names if name.startswith("arrange-") and JOBS[name].median_s] if args.compare else []
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(args.upm, folder, args.spread)
@@ -355,6 +366,7 @@ def main():
             for other in (planner for planner in PLANNERS if planner != args.planner):
                 campaigns[other] = bench.campaign(compared, other, args.compare, args.jobs, args.compare_limit)
             print_comparison(campaigns, compared, args.compare_limit)
+            pathlib.Path(args.plot).write_text(plot(campaigns, compared, args.compare_limit))
     print("\nbars held" if not missed else "\nbars missed\n  " + "\n  ".join(missed))
     sys.exit(1 if missed else 0)
 

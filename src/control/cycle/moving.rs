@@ -13,6 +13,7 @@ use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{CycleFacts, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
+use upm_core::rig::RigFault;
 use upm_core::signal::{Drive, TwistWave};
 use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
@@ -72,15 +73,12 @@ impl ControlCycle<'_, '_> {
             let started = self.io.clock.elapsed();
             let (observed_at, before_m) = (self.perception.seen_at(), self.places_m());
             let sets_down = present.segment.sets_down;
-            let next = if sets_down { None } else { self.plan_next(started_at, segments)? };
+            let next = if sets_down { None } else { self.plan_next(&present.segment, started_at, segments)? };
+            let (next, ends_at) = self.take_over(next, started_at)?;
             let forecast_m = match &next {
                 _ if sets_down => present.segment.ends_m.clone(),
                 Some(_) => self.next_places_m(),
                 None => self.fades_out().0,
-            };
-            let ends_at = match &next {
-                Some(next) => flow(self.io.rig.take_over(&next.drive))?,
-                None => self.io.rig.settled_at(),
             };
             let followed = self.follow_segment(started_at, next.as_ref().map(|_| ends_at), &forecast_m);
             let is_over = next.is_none() || self.perception.motors_stopped;
@@ -111,6 +109,22 @@ impl ControlCycle<'_, '_> {
         let places_m = if is_seen { self.perception.positions_m() } else { self.observe_at_rest()? };
         self.suspects_knock &= !self.perception.relocated;
         Continue(places_m)
+    }
+
+    /// Lets `next` take over from the segment that began at `started_at`; returns it and the time when it begins. Where
+    /// it comes too late, the present motion fades out as if there were no next one, and rests at that time.
+    fn take_over(
+        &mut self,
+        next: Option<PlannedSegment>,
+        started_at: PlateTime,
+    ) -> OrEnd<(Option<PlannedSegment>, PlateTime)> {
+        let taken = next.map(|next| (self.io.rig.take_over(&next.drive), next));
+        let Some((begins_at, next)) = taken.filter(|(begins_at, _)| *begins_at != Err(RigFault::TooLate)) else {
+            return Continue((None, self.io.rig.settled_at()));
+        };
+        let begins_at = flow(begins_at)?;
+        self.moving().into_iter().for_each(|planner| planner.plays_for(begins_at.secs_since(started_at)));
+        Continue((Some(next), begins_at))
     }
 
     /// The facts of a segment that began at `started_at` and in which the parts went as in `steps`, and the judgement
@@ -166,20 +180,21 @@ impl ControlCycle<'_, '_> {
     }
 
     /// Plans the segment after the present one, for the places that the parts will have at its end; `None` where the
-    /// plate should come to rest because another job waits or a part is out of sight, or because the parts will be
-    /// where they should be.
-    fn plan_next(&mut self, started_at: PlateTime, segments: u64) -> OrEnd<Option<PlannedSegment>> {
+    /// plate should come to rest because another job waits, once the present motion fades out clear, or a part is out
+    /// of sight, or because the parts will be where they should be.
+    fn plan_next(&mut self, present: &Segment, started_at: PlateTime, segments: u64) -> OrEnd<Option<PlannedSegment>> {
         self.check_limits()?;
-        if self.io.give_way.load(Ordering::Relaxed) || self.perception.frames_missing() > UNSEEN_FRAMES {
+        let gives_way = self.io.give_way.load(Ordering::Relaxed) && present.is_clear;
+        if gives_way || self.perception.frames_missing() > UNSEEN_FRAMES {
             return Continue(None);
         }
         let Some(planner) = self.moving() else { return Continue(None) };
         let (at, places_m) = (started_at + planner.period_s(), planner.next_places_m());
         let mut wanted = self.task.next(at, &places_m);
         self.io.sink.setpoints(at, &wanted);
-        if wanted.done {
+        if wanted.asks_nothing(&places_m) {
             if let (ends_m, true) = self.fades_out()
-                && self.task.next(at, &ends_m).done
+                && self.task.next(at, &ends_m).asks_nothing(&ends_m)
             {
                 return Continue(None);
             }

@@ -24,17 +24,21 @@ impl Document {
     pub const ALL: [Self; 7] =
         [Self::Library, Self::Experiment, Self::Trace, Self::Daemon, Self::Rig, Self::Job, Self::Coins];
 
-    /// The kind of `value`, judged by its keys. A rig may extend another in place of its own motors.
+    /// The kind of `value`, judged by its keys.
     pub fn of(value: &Value) -> Option<Self> {
-        let has = |key| value.get(key).is_some();
-        Self::ALL.into_iter().find(|document| has(document.key()) || (*document == Self::Rig && has("extends")))
+        Self::ALL.into_iter().find(|document| document.is_of(value))
     }
 
     /// The kind that `schema` asks of `value`, and the kind it is instead. `None` without evidence of another kind.
     pub(crate) fn mistaken(value: &Value, schema: &Value) -> Option<(Self, Self)> {
         let wanted = Self::of(schema.get("properties")?)?;
-        let is_wanted = value.get(wanted.key()).is_some();
-        Self::of(value).filter(|found| !is_wanted && *found != wanted).map(|found| (wanted, found))
+        Self::of(value).filter(|_| !wanted.is_of(value)).map(|found| (wanted, found))
+    }
+
+    fn is_of(self, value: &Value) -> bool {
+        let has = |key| value.get(key).is_some();
+        // the tasks of a job may be a list, and a rig may extend another in place of its own motors
+        has(self.key()) || self == Self::Job && has("tasks") || self == Self::Rig && has("extends")
     }
 
     /// The kind's name with its article.
@@ -47,7 +51,7 @@ impl Document {
         self.facts()[1]
     }
 
-    /// The key that this kind requires and no other kind has.
+    /// The key that no other kind has; a job has it or `tasks`.
     pub fn key(self) -> &'static str {
         self.facts()[2]
     }

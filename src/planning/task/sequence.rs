@@ -2,48 +2,51 @@ use super::{Setpoints, Task};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
-/// Tasks one after another: each begins where the parts rest once the one before is complete.
+/// Tasks one after another: each begins where the parts rest once the one before is confirmed.
 pub struct Sequence {
-    tasks: Vec<Box<dyn Task>>,
-    /// Index of the present task.
+    make: Box<dyn FnMut(usize) -> Box<dyn Task>>,
+    /// Number of tasks; `None` without end.
+    of: Option<usize>,
+    /// Index of the present task, and the task.
     at: usize,
+    present: Box<dyn Task>,
     /// Laps of the tasks before it, and its own so far.
     laps: (u32, u32),
 }
 
 impl Sequence {
-    /// The sequence of `tasks`.
-    pub fn new(tasks: Vec<Box<dyn Task>>) -> Self {
-        Self { tasks, at: 0, laps: (0, 0) }
+    /// A sequence of `of` tasks, or of tasks without end; `make` makes the one with an index.
+    pub fn new(of: Option<usize>, mut make: Box<dyn FnMut(usize) -> Box<dyn Task>>) -> Self {
+        let present = make(0);
+        Self { make, of, at: 0, present, laps: (0, 0) }
     }
 }
 
 impl Task for Sequence {
     fn first_seen(&mut self, parts_in_table_m: &[Vec2]) {
-        if let Some(task) = self.tasks.get_mut(self.at) {
-            task.first_seen(parts_in_table_m);
-        }
+        self.present.first_seen(parts_in_table_m);
     }
 
     fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
-        let of = self.tasks.len();
-        let Some(task) = self.tasks.get_mut(self.at) else { return Setpoints { done: true, ..Setpoints::default() } };
-        let wanted = task.next(now, parts_in_table_m);
+        let wanted = self.present.next(now, parts_in_table_m);
         self.laps.1 = wanted.laps;
+        let of = self.of.map_or_else(String::new, |of| format!(" of {of}"));
         Setpoints {
-            phase: format!("task {} of {of}: {}", self.at + 1, wanted.phase),
-            progress: (self.at as f64 + wanted.progress) / of as f64,
-            laps: self.laps.0 + wanted.laps,
+            task: self.at + 1,
+            phase: format!("task {}{of}: {}", self.at + 1, wanted.phase),
+            progress: self.of.map_or(0.0, |of| (self.at as f64 + wanted.progress) / of as f64),
+            laps: self.laps.0.saturating_add(wanted.laps),
             ..wanted
         }
     }
 
     fn go_on(&mut self, parts_in_table_m: &[Vec2]) -> bool {
-        if self.at + 1 >= self.tasks.len() {
+        if self.of.is_some_and(|of| self.at + 1 >= of) {
             return false;
         }
         self.at += 1;
-        self.laps = (self.laps.0 + self.laps.1, 0);
+        self.present = (self.make)(self.at);
+        self.laps = (self.laps.0.saturating_add(self.laps.1), 0);
         self.first_seen(parts_in_table_m);
         true
     }
@@ -61,9 +64,12 @@ mod tests {
         let (there, arrive_m) = (Vec2::new(0.05, 0.0), 0.0005);
         let arrange = ArrangeParams { scene, targets_m: vec![there], exchange: false, arrive_m };
         let hold = HoldParams { half_side_m: 0.15, discs, duration_s: 2.0, arrive_m };
-        let mut task = Sequence::new(vec![Box::new(Arrange::new(arrange)), Box::new(Hold::new(hold))]);
+        let make = move |index: usize| -> Box<dyn Task> {
+            if index == 0 { Box::new(Arrange::new(arrange.clone())) } else { Box::new(Hold::new(hold.clone())) }
+        };
+        let mut task = Sequence::new(Some(2), Box::new(make));
         task.first_seen(&[Vec2::zeros()]);
-        let mut next = |task: &mut Sequence, at_s, at_m| task.next(PlateTime::from_secs(at_s), &[at_m]);
+        let next = |task: &mut Sequence, at_s, at_m| task.next(PlateTime::from_secs(at_s), &[at_m]);
         let wanted = next(&mut task, 0.0, Vec2::zeros());
         assert_eq!((wanted.done, wanted.targets_m.as_slice(), wanted.progress), (false, &[there][..], 0.0));
         let wanted = next(&mut task, 1.0, there);

@@ -13,15 +13,19 @@ impl JobFile {
     /// Every file that cannot be read or contains no path.
     pub fn with_drawings_written_out(mut self, origin: &Origin) -> Result<(Self, Vec<Diagnostic>), Vec<Diagnostic>> {
         let mut faults = Diagnostics::of(&origin.file);
-        let warnings = write_out(&mut self.task, origin, &mut faults);
+        let warnings = write_out(&mut self, origin, &mut faults);
         faults.into_result(Some((self, warnings)))
     }
 }
 
-/// Writes path data in place of every file that the task names, and warns of what is in them beside paths.
-pub(super) fn write_out(task: &mut TaskSection, origin: &Origin, faults: &mut Diagnostics) -> Vec<Diagnostic> {
-    let at = Path::root().key("task");
-    let shapes: Vec<(Path, &mut SvgShape)> = match task {
+/// Writes path data in place of every file that the tasks name, and warns of what is in them beside paths.
+pub(super) fn write_out(document: &mut JobFile, origin: &Origin, faults: &mut Diagnostics) -> Vec<Diagnostic> {
+    let shapes = document.each_task_mut().into_iter().flat_map(|(at, task)| shapes_of(task, &at));
+    shapes.filter_map(|(at, svg)| write_out_one(svg, &at.key("svg"), origin, faults)).collect()
+}
+
+fn shapes_of<'a>(task: &'a mut TaskSection, at: &Path) -> Vec<(Path, &'a mut SvgShape)> {
+    match task {
         TaskSection::Arrange { targets: Some(targets), .. } => {
             targets.svg.iter_mut().map(|svg| (at.key("targets"), svg)).collect()
         }
@@ -33,8 +37,7 @@ pub(super) fn write_out(task: &mut TaskSection, origin: &Origin, faults: &mut Di
         | TaskSection::Arrange { .. }
         | TaskSection::Sort { .. }
         | TaskSection::Hold { .. } => Vec::new(),
-    };
-    shapes.into_iter().filter_map(|(at, svg)| write_out_one(svg, &at.key("svg"), origin, faults)).collect()
+    }
 }
 
 fn write_out_one(svg: &mut SvgShape, at: &Path, origin: &Origin, faults: &mut Diagnostics) -> Option<Diagnostic> {

@@ -32,8 +32,12 @@ pub struct JobSpec {
     pub library: Option<LibraryRef>,
     /// Groups of parts, as in the file.
     pub parts: Vec<PartGroup>,
-    /// Goal of the run: a plus sign, trajectories, an arrangement, bins or a hold.
+    /// Goal of the run: a plus sign, trajectories, an arrangement, bins or a hold; the last one of several.
     pub task: TaskSpec,
+    /// Goals before it, in order.
+    pub earlier: Vec<TaskSpec>,
+    /// How often all goals are gone through; 0 for no end.
+    pub repeat: u32,
     /// Planner as in the file, `auto` included.
     pub planner: PlannerChoice,
     /// Distance from the target at which a part has arrived, m.
@@ -84,7 +88,7 @@ impl JobSpec {
             faults.require(alone, &at, format!("a position for {} parts", group.count), "a position only with count 1");
         }
         // path data replaces a drawing's file, so that a run folder needs no other file
-        let warnings = drawings::write_out(&mut document.task, origin, faults);
+        let warnings = drawings::write_out(&mut document, origin, faults);
         let library = library_of(&document, origin, faults);
         let at = root.key("rig");
         let rig = match (document.rig.take(), plate_rig) {
@@ -108,7 +112,7 @@ impl JobSpec {
         check_distinguishable(&parts, &rig, faults);
         check_knocks(&rig, document.limits.plate_time_s, faults);
         check_planner(&document, &rig, &root, faults);
-        let task = task::build(&document.task, &parts, &rig, document.planner, faults);
+        let tasks = tasks_of(&document, &parts, &rig, faults);
         clearance::check(&parts, &rig, faults);
         let at = root.key("faults");
         let of_rig = document.faults.as_ref().map(|list| faults::build(list, each_kind(&parts).len(), &at, faults));
@@ -117,13 +121,16 @@ impl JobSpec {
         if !faults.is_empty() {
             faults.append(warnings.clone());
         }
+        let (task, earlier) = tasks?;
         Some(Self {
             file: origin.file.clone(),
             name: document.name.clone(),
             plate: document.plate.clone(),
             library: library.or_else(|| rig.library.clone().map(LibraryRef::File)),
             parts,
-            task: task?,
+            task,
+            earlier,
+            repeat: document.repeat,
             planner: document.planner,
             tolerance_m: document.tolerance_m,
             plate_time_limit_s: document.limits.plate_time_s,
@@ -149,14 +156,20 @@ impl JobSpec {
 
     /// True if only the plate time limit ends the task, which completes it.
     pub fn is_endless(&self) -> bool {
-        self.task.is_endless(self.plate_time_limit_s)
+        self.repeat == 0 || self.task.is_endless(self.plate_time_limit_s)
     }
 
-    /// Index in the file of the path that a part follows.
-    pub(crate) fn path_of(&self, part: usize) -> usize {
-        let TaskSection::Trajectories { paths, .. } = &self.document.task else { return 0 };
+    /// The goals of one round, in order.
+    pub fn each_task(&self) -> impl Iterator<Item = &TaskSpec> {
+        self.earlier.iter().chain([&self.task])
+    }
+
+    /// Place in the file of the path that a part follows in one of the tasks.
+    pub(crate) fn path_of(&self, task: usize, part: usize) -> Option<Path> {
+        let (at, section) = self.document.each_task().into_iter().nth(task)?;
+        let TaskSection::Trajectories { paths, .. } = section else { return None };
         let mut parts = paths.iter().enumerate().flat_map(|(i, path)| std::iter::repeat_n(i, path.count as usize));
-        parts.nth(part).unwrap_or_default()
+        Some(at.key("paths").index(parts.nth(part)?))
     }
 
     /// True if the job itself has a library, by its file or written out; its rig may name another.
@@ -169,9 +182,14 @@ impl JobSpec {
         if self.names_library() { format!("{}: library", self.file) } else { self.rig.library_key.clone() }
     }
 
-    /// Bins as in the file; empty for a task without.
+    /// Bins of the last sort as in the file; empty without one.
     pub(super) fn bins(&self) -> &[Bin] {
-        if let TaskSection::Sort { bins } = &self.document.task { bins } else { &[] }
+        let tasks = self.document.each_task().into_iter();
+        let mut of_sorts = tasks.filter_map(|(_, task)| match task {
+            TaskSection::Sort { bins } => Some(bins.as_slice()),
+            _ => None,
+        });
+        of_sorts.next_back().unwrap_or_default()
     }
 
     /// Seed of all random numbers.
@@ -251,6 +269,35 @@ impl JobSpec {
     }
 }
 
+/// The last task in SI, and those before it. Faults where one is not feasible, or is followed by another and does not
+/// end.
+fn tasks_of(
+    document: &JobFile,
+    parts: &[PartGroup],
+    rig: &RigSpec,
+    faults: &mut Diagnostics,
+) -> Option<(TaskSpec, Vec<TaskSpec>)> {
+    let root = Path::root();
+    let found = if document.task.is_some() { "task and tasks" } else { "none" };
+    let is_one = document.task.is_some() != document.tasks.is_some();
+    let is_list = document.tasks.is_some() || document.repeat == 1;
+    if !faults.require(is_one, root.key("task"), found, "exactly one of task and tasks")
+        || !faults.require(is_list, root.key("repeat"), document.repeat, "1 without tasks")
+    {
+        return None;
+    }
+    let (limit_s, mut tasks) = (document.limits.plate_time_s, Vec::new());
+    for (i, (at, section)) in document.each_task().into_iter().enumerate() {
+        let is_last = i + 1 == document.each_task().len() && document.repeat == 1;
+        let task = task::build(section, at.clone(), parts, rig, document.planner, faults);
+        let is_followed = task.as_ref().is_some_and(|task| !is_last && task.is_endless(limit_s));
+        faults.require(!is_followed, at, "a task without end", "one that ends, since another follows it");
+        tasks.extend(task);
+    }
+    let last = tasks.pop()?;
+    Some((last, tasks))
+}
+
 fn library_of(document: &JobFile, origin: &Origin, faults: &mut Diagnostics) -> Option<LibraryRef> {
     match document.library.as_ref()? {
         LibraryRef::File(named) => {
@@ -281,7 +328,10 @@ fn check_planner(document: &JobFile, rig: &RigSpec, root: &Path, faults: &mut Di
         PlannerChoice::MovingField => "moving_field",
         PlannerChoice::Auto | PlannerChoice::CorSequence | PlannerChoice::PseudoInverse => return,
     };
-    let moves_parts = !matches!(document.task, TaskSection::PlusSign { .. } | TaskSection::Hold { .. });
+    let tasks = document.each_task();
+    let stays = |task: &TaskSection| matches!(task, TaskSection::PlusSign { .. } | TaskSection::Hold { .. });
+    let is_plus_sign = |task: &TaskSection| matches!(task, TaskSection::PlusSign { .. });
+    let moves_parts = tasks.iter().any(|(_, task)| !stays(task)) && !tasks.iter().any(|(_, task)| is_plus_sign(task));
     let (others, obstacle) = match document.planner {
         _ if rig.model.fields.is_none() => ("cor_sequence, pseudo_inverse", Some(without_fields())),
         PlannerChoice::MovingField => ("synthesized_field", moving_obstacle(rig, moves_parts)),

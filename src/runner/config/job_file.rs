@@ -1,4 +1,4 @@
-//! A job file as a person writes it.
+//! A job file as a person writes it. Fields are SI; their comments, which the schema prints, have the file's units.
 
 use std::path::PathBuf;
 
@@ -10,6 +10,7 @@ use super::faults::FaultList;
 use super::read::{NAME_PATTERN, optional_mm_point, optional_mm_points};
 use super::rig_file::RigSource;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
+use upm_core::document::Path;
 use upm_core::geometry::Vec2;
 use upm_core::job::Bin;
 use upm_core::units::{micrometres, mm, whole};
@@ -36,8 +37,15 @@ pub struct JobFile {
     /// Parts on the plate.
     #[schemars(length(min = 1, max = 64))]
     pub(crate) parts: Vec<PartsEntry>,
-    /// Goal of the run.
-    pub(crate) task: TaskSection,
+    /// Goal of the run. Either this or `tasks`.
+    pub(crate) task: Option<TaskSection>,
+    /// Goals one after another: each begins where the one before has ended. A `hold` between two is a pause.
+    #[schemars(length(min = 1, max = 32))]
+    pub(crate) tasks: Option<Vec<TaskSection>>,
+    /// How often `tasks` are gone through; 0 is without end.
+    #[serde(default = "whole::<u32, 1>")]
+    #[schemars(range(max = 1_000_000))]
+    pub(crate) repeat: u32,
     /// How motions are found.
     #[serde(default)]
     pub(crate) planner: PlannerChoice,
@@ -58,6 +66,22 @@ pub struct JobFile {
     /// Policy for a computer that is too slow for the plate.
     #[serde(default)]
     pub(crate) deadlines: DeadlinePolicy,
+}
+
+impl JobFile {
+    /// The tasks with their paths in the file.
+    pub(super) fn each_task(&self) -> Vec<(Path, &TaskSection)> {
+        let tasks = self.tasks.iter().flatten().enumerate();
+        let listed = tasks.map(|(i, task)| (Path::root().key("tasks").index(i), task));
+        self.task.iter().map(|task| (Path::root().key("task"), task)).chain(listed).collect()
+    }
+
+    /// As [`Self::each_task`], to be changed.
+    pub(super) fn each_task_mut(&mut self) -> Vec<(Path, &mut TaskSection)> {
+        let tasks = self.tasks.iter_mut().flatten().enumerate();
+        let listed = tasks.map(|(i, task)| (Path::root().key("tasks").index(i), task));
+        self.task.iter_mut().map(|task| (Path::root().key("task"), task)).chain(listed).collect()
+    }
 }
 
 /// A COR library named by its file or written out; the library room reads the object.
@@ -83,7 +107,8 @@ pub(crate) struct PartsEntry {
     pub(crate) count: u32,
     /// Where it starts, mm; only with count 1. Left out: at random, by the seed.
     #[serde(rename = "position_mm", default, with = "optional_mm_point")]
-    #[schemars(with = "Option<[f64; 2]>", inner(range(min = -1000.0, max = 1000.0)))]
+    #[schemars(with = "Option<[f64; 2]>", skip_serializing_if = "Option::is_none")]
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub(crate) position_m: Option<Vec2>,
 }
 
@@ -124,7 +149,8 @@ pub(crate) enum TaskSection {
     Arrange {
         /// One place for each part, in the order of `parts`, mm. Either this or `targets`.
         #[serde(rename = "targets_mm", default, with = "optional_mm_points")]
-        #[schemars(with = "Option<Vec<[f64; 2]>>", length(min = 1, max = 64), inner(inner(range(min = -1000.0, max = 1000.0))))]
+        #[schemars(with = "Option<Vec<[f64; 2]>>", skip_serializing_if = "Option::is_none")]
+        #[schemars(length(min = 1, max = 64), inner(inner(range(min = -1000.0, max = 1000.0))))]
         targets_m: Option<Vec<Vec2>>,
         /// A rule that makes the places.
         targets: Option<Box<TargetRule>>,
@@ -153,7 +179,8 @@ pub(crate) enum TaskSection {
 pub(crate) struct PathEntry {
     /// Corners of the path, mm, in order.
     #[serde(rename = "waypoints_mm", default, with = "optional_mm_points")]
-    #[schemars(with = "Option<Vec<[f64; 2]>>", length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
+    #[schemars(with = "Option<Vec<[f64; 2]>>", skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
     pub(crate) waypoints_m: Option<Vec<Vec2>>,
     /// All round a circle.
     pub(crate) circle: Option<CircleShape>,

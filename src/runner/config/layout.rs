@@ -34,25 +34,27 @@ impl JobLayout {
         let parts: Vec<LayoutPart> =
             parts.map(|(kind, id)| LayoutPart { id, kind: kind.name.clone(), radius_m: kind.radius_m }).collect();
         let mut layout = Self { endless: job.is_endless(), ..Self::default() };
-        match &job.task {
-            TaskSpec::PlusSign { edge_margin_m, .. } => {
-                let radius_m = parts.first().map_or(0.0, |part| part.radius_m);
-                let reach_m = 0.5 * job.rig.model.plate_side_m - edge_margin_m - radius_m;
-                let part = Some(0).filter(|_| parts.len() == 1);
-                let bar = |along: Vec2| LayoutPath { part, waypoints_m: vec![-along, along], closed: false };
-                layout.paths = [Vec2::new(reach_m, 0.0), Vec2::new(0.0, reach_m)].map(bar).to_vec();
+        for task in job.each_task() {
+            match task {
+                TaskSpec::PlusSign { edge_margin_m, .. } => {
+                    let radius_m = parts.first().map_or(0.0, |part| part.radius_m);
+                    let reach_m = 0.5 * job.rig.model.plate_side_m - edge_margin_m - radius_m;
+                    let part = Some(0).filter(|_| parts.len() == 1);
+                    let bar = |along: Vec2| LayoutPath { part, waypoints_m: vec![-along, along], closed: false };
+                    layout.paths.extend([Vec2::new(reach_m, 0.0), Vec2::new(0.0, reach_m)].map(bar));
+                }
+                TaskSpec::Trajectories { paths, .. } => {
+                    let path = |(part, wanted): (usize, &PathParams)| LayoutPath {
+                        part: Some(part),
+                        waypoints_m: wanted.waypoints_m.clone(),
+                        closed: wanted.repeat != 1,
+                    };
+                    layout.paths.extend(paths.iter().enumerate().map(path));
+                }
+                TaskSpec::Arrange { targets_m, .. } => layout.targets_m.clone_from(targets_m),
+                TaskSpec::Sort { .. } => layout.bins = job.bins().to_vec(),
+                TaskSpec::Hold { .. } => {}
             }
-            TaskSpec::Trajectories { paths, .. } => {
-                let path = |(part, wanted): (usize, &PathParams)| LayoutPath {
-                    part: Some(part),
-                    waypoints_m: wanted.waypoints_m.clone(),
-                    closed: wanted.repeat != 1,
-                };
-                layout.paths = paths.iter().enumerate().map(path).collect();
-            }
-            TaskSpec::Arrange { targets_m, .. } => layout.targets_m.clone_from(targets_m),
-            TaskSpec::Sort { .. } => layout.bins = job.bins().to_vec(),
-            TaskSpec::Hold { .. } => {}
         }
         Self { parts, ..layout }
     }

@@ -69,19 +69,15 @@ pub fn is_plain_name(name: &str) -> bool {
     name.is_ascii() && is_name(name)
 }
 
-fn point_m(mm: [f64; 2]) -> Vec2 {
-    mm.map(m_from_mm).into()
-}
-
 fn written_point_mm(m: &Vec2) -> [f64; 2] {
     [m.x, m.y].map(written_mm)
 }
 
 file_form!(optional_mm: Option<f64> => Option<f64>, |mm| mm.map(m_from_mm), |m| m.map(written_mm));
-file_form!(optional_mm_point: Option<[f64; 2]> => Option<Vec2>, |mm| mm.map(point_m),
+file_form!(optional_mm_point: Option<[f64; 2]> => Option<Vec2>, |mm| mm.map(|mm| mm.map(m_from_mm).into()),
     |m| m.as_ref().map(written_point_mm));
 file_form!(optional_mm_points: Option<Vec<[f64; 2]>> => Option<Vec<Vec2>>,
-    |mm| mm.map(|places| places.into_iter().map(point_m).collect()),
+    |mm| mm.map(|places| places.into_iter().map(|mm| mm.map(m_from_mm).into()).collect()),
     |m| m.as_ref().map(|places| places.iter().map(written_point_mm).collect()));
 
 /// Those of `keys` that are present in `object`.

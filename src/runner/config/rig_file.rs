@@ -1,4 +1,4 @@
-//! A rig file as a person writes it.
+//! A rig file as a person writes it. Units as in `job_file.rs`.
 
 use std::collections::BTreeMap;
 

@@ -54,7 +54,7 @@ mod tests {
     use upm_core::document::Document;
 
     #[test]
-    fn each_kind_of_document_has_its_own_required_key() {
+    fn each_kind_of_document_has_its_own_key() {
         let schemas: Vec<Value> = schema_names().iter().map(|name| schema(name).unwrap()).collect();
         assert_eq!(schemas.len(), Document::ALL.len());
         for document in Document::ALL {
@@ -62,7 +62,9 @@ mod tests {
             let schemas = schemas.iter().map(|schema| schema.pointer("/anyOf/0").unwrap_or(schema));
             let having: Vec<&Value> = schemas.filter(has).collect();
             assert_eq!(having.len(), 1, "{document:?}");
-            assert!(having[0]["required"].as_array().unwrap().iter().any(|key| key == document.key()), "{document:?}");
+            let is_required = having[0]["required"].as_array().unwrap().iter().any(|key| key == document.key());
+            // the tasks of a job may be a list in its place
+            assert_eq!(is_required, document != Document::Job, "{document:?}");
         }
     }
 }

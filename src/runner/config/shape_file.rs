@@ -1,4 +1,4 @@
-//! Shapes in a job file, in place of coordinates that a person would have to work out.
+//! Shapes in a job file, in place of coordinates that a person would have to work out. Units as in `job_file.rs`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -83,11 +83,13 @@ pub(crate) struct SvgShape {
     pub(crate) d: Option<String>,
     /// Width of the drawing, mm; its height follows.
     #[serde(rename = "width_mm", default, with = "optional_mm")]
-    #[schemars(with = "Option<f64>", range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    #[schemars(with = "Option<f64>", skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
     pub(crate) width_m: Option<f64>,
     /// Height of the drawing, mm; its width follows.
     #[serde(rename = "height_mm", default, with = "optional_mm")]
-    #[schemars(with = "Option<f64>", range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
+    #[schemars(with = "Option<f64>", skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
     pub(crate) height_m: Option<f64>,
     /// Middle of the drawing, mm. Left out: the middle of the plate.
     #[serde(rename = "center_mm", default, with = "mm_point")]

@@ -28,7 +28,7 @@ pub(super) struct ExperimentFile {
     plate: PlateMode,
     /// Base frequency w of every pulse, Hz. Left out: the rig's.
     #[serde(rename = "base_hz", default, with = "optional_hertz")]
-    #[schemars(with = "Option<f64>", range(min = 1.0, max = 1000.0))]
+    #[schemars(with = "Option<f64>", skip_serializing_if = "Option::is_none", range(min = 1.0, max = 1000.0))]
     base_radps: Option<f64>,
     /// Parts on the plate.
     #[schemars(length(min = 1, max = 64))]
@@ -63,14 +63,14 @@ struct PartEntry {
 struct PulseEntry {
     /// Centre of rotation, mm.
     #[serde(rename = "cor_mm", default, with = "optional_mm_point")]
-    #[schemars(with = "Option<[f64; 2]>", inner(range(min = -1e6, max = 1e6)))]
+    #[schemars(with = "Option<[f64; 2]>", skip_serializing_if = "Option::is_none", inner(range(min = -1e6, max = 1e6)))]
     cor_m: Option<Vec2>,
     /// Amplitude of the spin, rad/s.
     #[schemars(range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
     omega_rad_s: Option<f64>,
     /// Direction of a translation, degrees counter-clockwise from x.
     #[serde(rename = "direction_deg", default, with = "optional_degrees")]
-    #[schemars(with = "Option<f64>", range(min = -360.0, max = 360.0))]
+    #[schemars(with = "Option<f64>", skip_serializing_if = "Option::is_none", range(min = -360.0, max = 360.0))]
     direction_rad: Option<f64>,
     /// Amplitude of a translation's speed, m/s.
     #[schemars(range(max = 100.0), extend("exclusiveMinimum" = 0.0))]

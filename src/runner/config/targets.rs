@@ -18,10 +18,7 @@ impl TaskContext<'_> {
         faults: &mut Diagnostics,
     ) -> Option<Vec<Vec2>> {
         match (typed_m, made) {
-            (Some(targets_m), None) => {
-                self.check_typed(targets_m, faults);
-                Some(targets_m.to_vec())
-            }
+            (Some(targets_m), None) => Some(self.typed_targets(targets_m, faults)),
             (None, Some(shape)) => self.made_targets(shape, &self.at.key("targets"), faults),
             (Some(_), Some(_)) => {
                 faults.push(self.at.key("targets"), "targets and targets_mm", "one of the two");
@@ -35,7 +32,7 @@ impl TaskContext<'_> {
         }
     }
 
-    fn check_typed(&self, targets_m: &[Vec2], faults: &mut Diagnostics) {
+    fn typed_targets(&self, targets_m: &[Vec2], faults: &mut Diagnostics) -> Vec<Vec2> {
         let at = self.at.key("targets_mm");
         self.demand_one_each(targets_m.len(), "target", &at, faults);
         let discs: Vec<(Vec2, f64, Path)> =
@@ -44,6 +41,7 @@ impl TaskContext<'_> {
             check_inside(*target_m, *radius_m, self.half_m, REST_MARGIN_M, at, faults);
         }
         check_apart(&discs, REST_GAP_M, faults);
+        targets_m.to_vec()
     }
 
     fn made_targets(&self, shape: &TargetRule, at: &Path, faults: &mut Diagnostics) -> Option<Vec<Vec2>> {

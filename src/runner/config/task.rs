@@ -50,6 +50,17 @@ pub enum TaskSpec {
 }
 
 impl TaskSpec {
+    /// Its type in the file.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::PlusSign { .. } => "plus_sign",
+            Self::Trajectories { .. } => "trajectories",
+            Self::Arrange { .. } => "arrange",
+            Self::Sort { .. } => "sort",
+            Self::Hold { .. } => "hold",
+        }
+    }
+
     /// True if the task has no end before `limit_s`, its plate time limit, which then completes it.
     pub fn is_endless(&self, limit_s: f64) -> bool {
         match self {
@@ -64,12 +75,13 @@ impl TaskSpec {
 /// The task in SI. Faults where it is not feasible.
 pub(super) fn build(
     task: &TaskSection,
+    at: Path,
     groups: &[PartGroup],
     rig: &RigSpec,
     planner: PlannerChoice,
     faults: &mut Diagnostics,
 ) -> Option<TaskSpec> {
-    let scene = TaskContext::new(groups, rig);
+    let scene = TaskContext::new(at, groups, rig);
     if let TaskSection::PlusSign { corridor_m, .. } | TaskSection::Trajectories { corridor_m, .. } = task {
         let narrowest_mm = (100.0 * mm_from_m(narrowest_m(rig, scene.kinds.len(), planner))).ceil() / 100.0;
         let allowed = format!("{narrowest_mm:.2} or more: sway, sensing and scatter of a part on {}", rig.model.name);
@@ -115,11 +127,11 @@ pub(super) struct TaskContext<'a> {
 }
 
 impl<'a> TaskContext<'a> {
-    fn new(groups: &[PartGroup], rig: &'a RigSpec) -> Self {
+    fn new(at: Path, groups: &[PartGroup], rig: &'a RigSpec) -> Self {
         let kinds = each_kind(groups);
         let radii_m = kinds.iter().map(|&kind| rig.kinds.get(kind).map_or(0.0, |spec| spec.kind.radius_m)).collect();
         let ids = part_ids(groups, &rig.kinds);
-        Self { at: Path::root().key("task"), rig, half_m: 0.5 * rig.model.plate_side_m, kinds, radii_m, ids }
+        Self { at, rig, half_m: 0.5 * rig.model.plate_side_m, kinds, radii_m, ids }
     }
 
     pub(super) fn demand_one_each(&self, found: usize, what: &str, at: &Path, faults: &mut Diagnostics) {

@@ -123,7 +123,7 @@ mod tests {
     use upm_core::job::{CameraMode, Finding, Outcome, StopCause};
     use upm_core::time::{MonotonicClock, PlateTime};
     use upm_planning::task::Setpoints;
-    use upm_recording::{RecordingOptions, RerunMode};
+    use upm_recording::{RecordingOptions, RerunMode, Verdict};
 
     fn job(faults: Value) -> JobSpec {
         let text = json!({
@@ -156,6 +156,23 @@ mod tests {
         run(job, job_library(job).unwrap(), &options, &StoppedClock, &stop, &PacingStats::default(), &mut sink)
             .unwrap()
             .report
+    }
+
+    #[test]
+    fn tasks_of_a_list_begin_where_the_one_before_has_ended() {
+        let mut text = job(json!([])).effective();
+        text["task"] = Value::Null;
+        text["tasks"] = json!([
+            {"type": "arrange", "targets_mm": [[-24, 6], [28, -3]]}, {"type": "hold", "duration_s": 0.5},
+            {"type": "arrange", "targets_mm": [[24, 6], [-28, -3]]},
+        ]);
+        text["repeat"] = 2.into();
+        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
+        let listed = JobSpec::from_json(&text.to_string(), &Origin::of_file(&file), None).unwrap();
+        let report = InMemoryRun::new(&listed.with_camera(CameraMode::Positions)).unwrap().run();
+        assert_eq!((report.outcome, report.work.tasks_from_s.len()), (Outcome::Completed, 6), "{}", report.reason);
+        assert!(report.work.tasks_from_s.is_sorted() && report.accuracy.max_error_mm < Some(0.5), "{report:?}");
+        assert_eq!(report.verdict, Some(Verdict::True));
     }
 
     #[test]

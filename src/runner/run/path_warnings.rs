@@ -22,24 +22,24 @@ const SEGMENT_PERIODS: f64 = 2.0;
 pub fn job_warnings(job: &JobSpec, library: &Library) -> Vec<Diagnostic> {
     let mut warnings = job.warnings.clone();
     warnings.extend(tolerance_warning(job, library));
-    if let TaskSpec::Trajectories { paths, in_phase, .. } = &job.task {
-        warnings.extend(speed_warning(job, library, paths));
-        warnings.extend(time_warning(job, paths, *in_phase));
-    }
+    warnings.extend(job.each_task().enumerate().filter_map(|(i, task)| speed_warning(job, i, task, library)));
+    warnings.extend(time_warning(job));
     warnings
 }
 
-fn speed_warning(job: &JobSpec, library: &Library, paths: &[PathParams]) -> Option<Diagnostic> {
+fn speed_warning(job: &JobSpec, number: usize, task: &TaskSpec, library: &Library) -> Option<Diagnostic> {
+    let TaskSpec::Trajectories { paths, .. } = task else { return None };
     let planner = PlannerSelection::of(job);
     let most_mps = most_speed_mps(planner.method, &job.rig.model, library)?;
     let moving = paths.iter().enumerate().filter(|(_, path)| path.waypoints_m.len() > 1);
     let (part, fastest) = moving.reduce(|a, b| if b.1.speed_mps > a.1.speed_mps { b } else { a })?;
+    let at = job.path_of(number, part)?.key("speed_mm_s");
     (fastest.speed_mps > most_mps).then(|| {
         let found = format!("{}, which no motion of the rig can hold", mm_from_m(fastest.speed_mps));
         let most_mm_s = mm_from_m(most_mps).floor();
         let allowed =
             format!("less than {most_mm_s} with {} (`upm check --plan` finds what can be held)", planner.report.name);
-        Diagnostic::new(&job.file, format!("task.paths[{}].speed_mm_s", job.path_of(part)), found, allowed)
+        Diagnostic::new(&job.file, at, found, allowed)
     })
 }
 
@@ -65,11 +65,17 @@ fn most_speed_mps(method: PlanningMethod, model: &RigModel, library: &Library) -
     })
 }
 
-fn time_warning(job: &JobSpec, paths: &[PathParams], in_phase: bool) -> Option<Diagnostic> {
-    let longest_s = paths.iter().map(|path| length_m(path, in_phase) / path.speed_mps).fold(0.0, f64::max);
-    (longest_s > job.plate_time_limit_s).then(|| {
+fn time_warning(job: &JobSpec) -> Option<Diagnostic> {
+    let time_s = |task: &TaskSpec| match task {
+        TaskSpec::Trajectories { paths, in_phase, .. } => {
+            paths.iter().map(|path| length_m(path, *in_phase) / path.speed_mps).fold(0.0, f64::max)
+        }
+        _ => 0.0,
+    };
+    let all_s = f64::from(job.repeat) * job.each_task().map(time_s).sum::<f64>();
+    (all_s > job.plate_time_limit_s).then(|| {
         let found = format!("{}, which ends before the paths", job.plate_time_limit_s);
-        let allowed = format!("more than {longest_s:.1}, which the paths take at the speed asked");
+        let allowed = format!("more than {all_s:.1}, which the paths take at the speed asked");
         Diagnostic::new(&job.file, "limits.plate_time_s", found, allowed)
     })
 }
@@ -133,5 +139,21 @@ mod tests {
         assert_eq!(warned("auto", &line(2), false, 31.0), [""; 0]);
         assert_eq!(warned("auto", &line(2), true, 39.0).len(), 1, "in phase the last pass goes back, too");
         assert_eq!(warned("auto", &line(0), false, 1.0), [""; 0]);
+    }
+
+    #[test]
+    fn tasks_of_a_list_are_told_apart_and_their_times_added() {
+        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
+        let line = |speed: f64| json!({"waypoints_mm": [[-50, 0], [50, 0]], "speed_mm_s": speed});
+        let task = |speed: f64| json!({"type": "trajectories", "paths": [line(speed)]});
+        let job = json!({
+            "name": "two", "rig": "rigs/upm-2.json", "parts": [{"kind": "penny"}],
+            "tasks": [task(10.0), task(500.0)], "repeat": 3, "limits": {"plate_time_s": 30},
+        });
+        let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(&file), None).unwrap();
+        let warnings = job_warnings(&job, &job_library(&job).unwrap());
+        let told: Vec<&str> = warnings.iter().map(|warning| warning.path.as_str()).collect();
+        assert_eq!(told, ["tasks[1].paths[0].speed_mm_s", "limits.plate_time_s"]);
+        assert!(warnings[1].expected.starts_with("more than 30.6, "), "{}", warnings[1]);
     }
 }

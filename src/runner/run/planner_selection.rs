@@ -80,11 +80,13 @@ impl PlannerSelection {
 }
 
 fn moves_parts(job: &JobSpec) -> bool {
-    !matches!(job.task, TaskSpec::PlusSign { .. } | TaskSpec::Hold { .. })
+    let is_plus_sign = |task: &TaskSpec| matches!(task, TaskSpec::PlusSign { .. });
+    !job.each_task().any(is_plus_sign) && !job.each_task().all(|task| matches!(task, TaskSpec::Hold { .. }))
 }
 
 fn goes_to_places(job: &JobSpec) -> bool {
-    matches!(job.task, TaskSpec::Arrange { .. } | TaskSpec::Sort { .. })
+    let is_path = |task: &TaskSpec| matches!(task, TaskSpec::PlusSign { .. } | TaskSpec::Trajectories { .. });
+    moves_parts(job) && !job.each_task().any(is_path)
 }
 
 #[cfg(test)]

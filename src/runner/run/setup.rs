@@ -13,7 +13,7 @@ use upm_planning::cor_library::{Entry, Library};
 use upm_planning::planner::{FlowEffort, PlannerParams, PlanningMethod, RotationPlanner};
 use upm_planning::task::{
     Arrange, ArrangeParams, BinParams, Effort, Hold, HoldParams, Motions, PartOutline, PlateScene, PlusSign,
-    PlusSignParams, Sort, SortParams, Task, Trajectories, TrajectoriesParams,
+    PlusSignParams, Sequence, Sort, SortParams, Task, Trajectories, TrajectoriesParams,
 };
 use upm_sim::SimRig;
 use upm_sim::faults::FaultSpec;
@@ -71,7 +71,7 @@ impl RunSetup {
             parts: parts.collect(),
             time_limit_s: job.plate_time_limit_s,
             endless: job.is_endless(),
-            follows_paths: matches!(job.task, TaskSpec::Trajectories { .. }),
+            follows_paths: job.each_task().any(|task| matches!(task, TaskSpec::Trajectories { .. })),
             tolerance_m: job.tolerance_m,
             lost_after_frames: lost_after_frames(model.frame_hz),
             method: planner.method,
@@ -79,7 +79,7 @@ impl RunSetup {
             guards: Guards { without: job.without_guard, false_alarms_per_1000_h: job.false_alarms_per_1000_h },
             kinds,
         };
-        let task = task(job, library, &placed, planner.method);
+        let task = each_task(job, library, &placed, planner.method);
         let streams = Streams::new(job.seed());
         let knocks = job.rig.document.simulation.knocks.iter();
         let knocks = knocks.flat_map(|knocks| knocks::drawn(knocks, job.plate_time_limit_s, &streams));
@@ -148,11 +148,32 @@ fn stride_m(library: &Library) -> f64 {
     LONGEST_STEP_M.min(ONE_PULSE * strong_m)
 }
 
-fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart], method: PlanningMethod) -> Box<dyn Task> {
+/// The job's task, or its tasks one after another.
+fn each_task(job: &JobSpec, library: &Arc<Library>, placed: &[PlacedPart], method: PlanningMethod) -> Box<dyn Task> {
+    if job.earlier.is_empty() && job.repeat == 1 {
+        return task(job, &job.task, library, placed, method);
+    }
+    let in_round = job.earlier.len() + 1;
+    let of = Some(in_round * job.repeat as usize).filter(|of| *of > 0);
+    let (job, library, placed) = (job.clone(), library.clone(), placed.to_vec());
+    let at = move |index: usize| {
+        let spec = job.earlier.get(index % in_round).unwrap_or(&job.task);
+        task(&job, spec, &library, &placed, method)
+    };
+    Box::new(Sequence::new(of, Box::new(at)))
+}
+
+fn task(
+    job: &JobSpec,
+    spec: &TaskSpec,
+    library: &Library,
+    placed: &[PlacedPart],
+    method: PlanningMethod,
+) -> Box<dyn Task> {
     let half_side_m = 0.5 * job.rig.model.plate_side_m;
     let arrive_m = MEASURED_SHARE * job.tolerance_m;
     let scene = |motions: Motions| PlateScene { half_side_m, motions, discs: discs(placed) };
-    match &job.task {
+    match spec {
         TaskSpec::PlusSign { laps, edge_margin_m, corridor_m } => Box::new(PlusSign::new(PlusSignParams {
             half_side_m,
             part_radius_m: placed.first().map_or(0.0, |part| part.params.radius_m),
@@ -179,7 +200,8 @@ fn task(job: &JobSpec, library: &Library, placed: &[PlacedPart], method: Plannin
         })),
         TaskSpec::Hold { duration_s } => {
             // without an end, the limit is the duration: elapsed time is its only progress
-            let duration_s = if job.is_endless() { job.plate_time_limit_s } else { *duration_s };
+            let limit_s = job.plate_time_limit_s;
+            let duration_s = if spec.is_endless(limit_s) { limit_s } else { *duration_s };
             Box::new(Hold::new(HoldParams { half_side_m, discs: discs(placed), duration_s, arrive_m }))
         }
         TaskSpec::Sort { bins } => Box::new(Sort::new(sort_params(job, bins, scene(motions(job, library, method))))),

@@ -41,11 +41,12 @@ pub(super) fn finest_tolerance_m(job: &JobSpec, library: &Library) -> Option<f64
         }
     };
     let finest_m = (left_m + accuracy_m(&job.rig.sim.camera, scatter_m)) / MEASURED_SHARE;
-    match job.task {
+    let of_task = |task: &TaskSpec| match task {
         TaskSpec::PlusSign { .. } | TaskSpec::Trajectories { .. } | TaskSpec::Arrange { .. } => Some(finest_m),
         TaskSpec::Hold { .. } => Some(finest_m.max(left_m / (BROUGHT_BACK * MEASURED_SHARE))),
         TaskSpec::Sort { .. } => None,
-    }
+    };
+    job.each_task().filter_map(of_task).reduce(f64::max)
 }
 
 /// Scatter of the shortest useful pulses: the root mean square over the speeds of the standard deviation of the

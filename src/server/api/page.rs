@@ -90,8 +90,10 @@ fn examples() -> Vec<Value> {
 fn what(job: &Value) -> Option<String> {
     let count = |part: &Value| part.get("count").map_or(Some(1), Value::as_u64);
     let parts: u64 = job.get("parts")?.as_array()?.iter().map(count).sum::<Option<u64>>()?;
-    let task = job.get("task")?.get("type")?.as_str()?.replace('_', " ");
-    let parts = format!("{task}, {}", counted(parts as usize, "part"));
+    let listed = job.get("tasks").and_then(Value::as_array).into_iter().flatten();
+    let types = job.get("task").into_iter().chain(listed).filter_map(|task| task.get("type")?.as_str());
+    let tasks = types.map(|name| name.replace('_', " ")).collect::<Vec<_>>().join(", ");
+    let parts = format!("{tasks}, {}", counted(parts as usize, "part"));
     let planner = job.get("planner").and_then(Value::as_str);
     Some(planner.map_or(parts.clone(), |planner| format!("{parts}, {planner}")))
 }

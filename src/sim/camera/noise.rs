@@ -19,7 +19,7 @@ const STRIP: usize = 32;
 /// Steps per gray level in the table of standard deviations.
 const SD_STEPS: usize = 4;
 
-/// Read and shot noise: a level L has the variance `read_noise² + L · 255/full_well`.
+/// Read and shot noise, [`CameraParams::noise_sd`].
 ///
 /// A bank of normal samples is drawn once. Every row of every frame starts at another position in it, so that noise
 /// costs one product per pixel, `noise = (sd · 2^shift · sample) >> 16` in units of 1/128 level. Its rounding down does
@@ -38,8 +38,7 @@ impl Noise {
     pub(super) fn new(params: &CameraParams, mut rng: Rng, width: usize) -> Self {
         const COUNTS_PER_LEVEL: f64 = UNITS as f64 * 65_536.0 / BANK_SD;
         const LARGEST_SHIFT: u32 = 7;
-        let counts_at =
-            |level: f64| COUNTS_PER_LEVEL * (params.read_noise.powi(2) + level * 255.0 / params.full_well_e).sqrt();
+        let counts_at = |level: f64| COUNTS_PER_LEVEL * params.noise_sd(level);
         // The finest scale at which the strongest noise still fits; noise beyond 23 levels is clipped.
         let fits = |&shift: &u32| counts_at(255.0) <= f64::from(255 << shift);
         let shift = (0..LARGEST_SHIFT).find(fits).unwrap_or(LARGEST_SHIFT);

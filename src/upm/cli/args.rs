@@ -134,6 +134,9 @@ pub struct RunArgs {
     /// off, since a recording for each run is a lot]
     #[arg(long, value_name = "MODE", value_parser = rerun_mode)]
     pub rerun: Option<RerunMode>,
+    /// Write what the camera sees as an animated GIF
+    #[arg(long, value_name = "FILE.gif", conflicts_with = "seeds", requires = "job")]
+    pub movie: Option<PathBuf>,
     /// Faults of the simulated rig besides the job's, for example coil0:reversed@1.2 or camera:shift=3;0@0.5-2; several
     /// by comma or again
     #[arg(long, value_name = "COMPONENT:KIND[=VALUE][@FROM_S[-TO_S]]")]

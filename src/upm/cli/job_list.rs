@@ -60,11 +60,11 @@ fn parts(job: &JobSpec) -> String {
 }
 
 fn task(job: &JobSpec) -> String {
-    let name = job.effective()["task"]["type"].as_str().unwrap_or_default().replace('_', " ");
-    match &job.task {
-        TaskSpec::Sort { bins } => format!("{name} into {} bins", bins.len()),
-        _ => name,
-    }
+    let told = |task: &TaskSpec| match task {
+        TaskSpec::Sort { bins } => format!("sort into {} bins", bins.len()),
+        other => other.name().replace('_', " "),
+    };
+    job.each_task().map(told).collect::<Vec<_>>().join(", ")
 }
 
 /// Longest plate time of a job.

@@ -10,7 +10,7 @@ use image::ImageError;
 
 use super::shipped::is_shipped;
 use super::signals;
-use upm_runner::config::{Diagnostic, DiagnosticClass, reason};
+use upm_runner::config::{Diagnostic, DiagnosticClass, listed, reason};
 
 /// Exit status: the job ran and did not reach its goal.
 pub(super) const NOT_REACHED: u8 = 1;
@@ -76,6 +76,16 @@ impl Failure {
         self.lines.iter().for_each(|line| errln!("upm: {line}"));
         self.status
     }
+}
+
+/// Refuses a file whose name has another ending than these.
+pub(super) fn check_ending(option: &str, file: &Path, endings: &[&str]) -> Result<(), Failure> {
+    let ending = file.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
+    if endings.contains(&ending.as_str()) {
+        return Ok(());
+    }
+    let (allowed, found) = (listed(endings), file.display());
+    Err(Failure::bad_input(format!("{option}: expected a name ending in {allowed}, found {found}")))
 }
 
 /// True once the reader of stdout has gone.

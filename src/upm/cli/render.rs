@@ -4,21 +4,17 @@ use image::GrayImage;
 use serde_json::{Value, json};
 
 use super::args::{Common, RenderArgs};
-use super::output::{Failure, print_json};
+use super::output::{Failure, check_ending, print_json};
 use super::run::run_failure;
 use upm_core::units::mm_from_m;
-use upm_runner::config::{JobSpec, listed};
+use upm_runner::config::JobSpec;
 use upm_runner::run::{FirstFrame, first_frame};
 
 /// Supported file name extensions of pictures.
 const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "pgm", "tif", "tiff"];
 
 pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
-    let ending = args.out.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
-    if !PICTURES.contains(&ending.as_str()) {
-        let (allowed, found) = (listed(&PICTURES), args.out.display());
-        return Err(Failure::bad_input(format!("--out: expected a name ending in {allowed}, found {found}")));
-    }
+    check_ending("--out", &args.out, &PICTURES)?;
     let mut job = JobSpec::load(&args.job).map_err(Failure::of_files)?;
     if let Some(seed) = args.seed {
         job = job.with_seed(seed);

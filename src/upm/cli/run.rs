@@ -1,16 +1,17 @@
 use std::path::Path;
 
 use super::args::{Common, RunArgs};
-use super::output::{Failure, INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
+use super::output::{Failure, INTERRUPTED, NOT_REACHED, check_ending, print_json, stop_on_interrupt};
 use super::progress::RunProgress;
 use super::shipped::is_shipped;
 use super::summary::print_summary;
 use super::{job_changes, job_list};
-use upm_core::job::{Outcome, Pace};
+use upm_control::Sink;
+use upm_core::job::{CameraMode, Outcome, Pace};
 use upm_core::time::MonotonicClock;
-use upm_recording::{RecordingOptions, Report, Verdict};
+use upm_recording::{Fanout, RecordingOptions, Report, Verdict};
 use upm_runner::config::{Diagnostic, DiagnosticClass, JobSpec};
-use upm_runner::run::{PacingStats, RunError, RunOptions, job_library, job_warnings, run as run_job};
+use upm_runner::run::{self, PacingStats, RunError, RunOptions, job_library, job_warnings};
 use upm_viewer::USUAL_MODE;
 
 /// Default folder for run folders.
@@ -19,10 +20,18 @@ pub(super) const USUAL_OUT: &str = "runs";
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let Some(file) = &args.job else { return job_list::list() };
     let rerun = args.rerun.clone().unwrap_or(USUAL_MODE);
+    if let Some(path) = &args.movie {
+        check_ending("--movie", path, &["gif"])?;
+        if args.camera == CameraMode::Positions {
+            return Err(Failure::bad_input("--camera: expected pixels (with --movie), found positions"));
+        }
+    }
     let job = load_job(file, args)?;
     let library = job_library(&job).map_err(Failure::faults)?;
     let warnings: Vec<String> = job_warnings(&job, &library).iter().map(ToString::to_string).collect();
     warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+    let mut movie =
+        args.movie.as_deref().map(|path| run::movie(&job, path)).transpose().map_err(|e| run_failure(&e))?;
     let clock = MonotonicClock::new();
     let real_time = args.pace == Pace::RealTime;
     let options = RunOptions {
@@ -35,7 +44,9 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let stop = stop_on_interrupt();
     let pacing = PacingStats::default();
     let mut progress = RunProgress::new(common, &pacing);
-    let result = run_job(&job, library, &options, &clock, &stop, &pacing, &mut progress);
+    let mut sinks = Fanout { sinks: vec![&mut progress], after_frame: None };
+    sinks.sinks.extend(movie.as_mut().map(|movie| movie as &mut dyn Sink));
+    let result = run::run(&job, library, &options, &clock, &stop, &pacing, &mut sinks);
     progress.finish();
     let result = result.map_err(|error| run_failure(&error))?;
     for warning in result.report.incidents.warnings.iter().filter(|warning| !warnings.contains(warning)) {
@@ -45,6 +56,9 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
         print_json(&result.report)?;
     } else {
         print_summary(&job, &result, common.verbose > 0)?;
+    }
+    if let (Some(movie), Some(path)) = (movie, &args.movie) {
+        movie.finish().map_err(|error| Failure::write(path, error))?;
     }
     Ok(status_of(&result.report))
 }

@@ -25,7 +25,7 @@ pub(super) fn print_summary(job: &JobSpec, result: &RunResult, verbose: bool) ->
 /// Figures of a run with their labels; `verbose` adds the errors of forecasts, cycles and sensing.
 pub(super) fn rows(report: &Report, verbose: bool) -> Vec<(&'static str, String)> {
     let faster = report.plate_time_s / report.wall_time_s.max(1e-9);
-    let WorkReport { frames, cycles, pulses, laps, collisions, lost_parts } = report.work;
+    let WorkReport { frames, cycles, pulses, laps, collisions, lost_parts, ref tasks_from_s } = report.work;
     let mut rows = vec![
         (
             "plate time",
@@ -42,6 +42,10 @@ pub(super) fn rows(report: &Report, verbose: bool) -> Vec<(&'static str, String)
     if let Some(PacingReport { deadline_misses: misses, worst_late_frames: worst, behind_s }) = report.pacing {
         let missed = format!("{misses} missed, by up to {}{}", counted(worst as usize, "frame"), behind(behind_s));
         rows.push(("deadlines", if misses == 0 { "none missed".into() } else { missed }));
+    }
+    if !tasks_from_s.is_empty() {
+        let from = tasks_from_s.iter().map(|from_s| format!("{from_s:.1}")).collect::<Vec<_>>().join(", ");
+        rows.push(("tasks", format!("{} begun, at {from} s", tasks_from_s.len())));
     }
     if laps > 0 {
         rows.push(("laps", laps.to_string()));

@@ -19,7 +19,7 @@ use rerun::external::re_log_types::BlueprintActivationCommand;
 use rerun::log::LogMsg;
 use rerun::{AsComponents, RecordingStream, RecordingStreamBuilder, SerializedComponentBatch};
 
-use super::plots::BARS_WIDTH;
+use super::plots::{BARS_WIDTH, SPEED};
 use super::run_stream::{APPLICATION, PLATE_TIME};
 use super::table::reach_mm;
 use crate::types::RunContext;
@@ -34,13 +34,14 @@ const MOTORS: &str = "Motors, counts";
 const TO_TARGET: &str = "Distance to target, mm";
 
 /// Views of the page of errors, each with its title and its entity.
-const ERRORS: [(&str, &str); 9] = [
+const ERRORS: [(&str, &str); 10] = [
     (TO_TARGET, "errors/to_target_mm"),
     ("Distance to subgoal after the cycle, mm", "errors/to_subgoal_mm"),
     ("Measured against predicted, mm", "errors/of_prediction_mm"),
     ("Distance from the path, mm", CROSS_TRACK),
     ("Measured against true, mm", "errors/sensing_mm"),
     ("Sum of |d| in a cycle, mm", TOTAL),
+    ("Speed, mm/s", SPEED),
     ("Tracking a frame, µs", "timing/track_us"),
     ("Planning, µs", "timing/plan_us"),
     ("Whole cycle, µs", "timing/cycle_us"),
@@ -123,6 +124,7 @@ fn errors(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
     // fields have no d to sum up, and many tasks no path to keep to
     let shown = |path: &str| match path {
         TOTAL => !matches!(context.method, PlanningMethod::SynthesizedField | PlanningMethod::MovingField),
+        SPEED => context.method == PlanningMethod::MovingField,
         CROSS_TRACK => !context.paths.is_empty(),
         _ => true,
     };

@@ -1,3 +1,5 @@
+use std::f64::consts::TAU;
+
 use re_sdk_types::archetypes::{Scalars, SeriesLines, Transform3D};
 
 use super::observation::Observation;
@@ -8,32 +10,39 @@ use upm_control::CycleFacts;
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::TwistHarmonic;
 use upm_core::units::mm_from_m;
-use upm_planning::planner::PlannedPulse;
+use upm_planning::planner::{PlannedPulse, PlanningMethod};
+
+/// Mean speed of each part in a segment, of a run without pauses alone.
+pub(super) const SPEED: &str = "motion/speed_mm_s";
+const PLAN: &str = "timing/plan_us";
 
 /// Plots with one line for each part.
-const BY_PART: [&str; 5] = [
+const BY_PART: [&str; 6] = [
     "errors/to_target_mm",
     "errors/to_subgoal_mm",
     "errors/of_prediction_mm",
     "errors/cross_track_mm",
     "errors/sensing_mm",
+    SPEED,
 ];
 
 /// Plots with a single line.
-const SINGLE: [&str; 5] = ["plan/total_mm", "plan/pulses", "timing/track_us", "timing/plan_us", "timing/cycle_us"];
+const SINGLE: [&str; 5] = ["plan/total_mm", "plan/pulses", "timing/track_us", PLAN, "timing/cycle_us"];
 
 /// The plan of each cycle, errors and wall times as curves.
 pub(super) struct Plots {
     /// Frames tracked in this cycle, and the total time of tracking, µs.
     tracked: (u32, f64),
     half_side_m: f64,
+    has_pauses: bool,
 }
 
 impl Plots {
     /// Logs names and colours of the series.
     pub(super) fn start(stream: &RunStream, context: &RunContext) -> Result<Self, String> {
         let palette = paint::palette(&context.parts);
-        for path in BY_PART {
+        let has_pauses = context.method != PlanningMethod::MovingField;
+        for path in BY_PART.into_iter().filter(|path| !has_pauses || *path != SPEED) {
             let names = context.parts.iter().map(|part| part.id.as_str());
             let lines = SeriesLines::new().with_names(names).with_colors(paint::colors(palette.parts()));
             stream.log_static(path, &lines.with_widths([1.5]))?;
@@ -42,7 +51,11 @@ impl Plots {
             let name = path.split_once('/').map_or(path, |(_, name)| name).replace('_', " ");
             stream.log_static(path, &SeriesLines::new().with_names([name]).with_colors([color]).with_widths([1.5]))?;
         }
-        Ok(Self { tracked: (0, 0.0), half_side_m: 0.5 * context.model.plate_side_m })
+        if !has_pauses {
+            let lines = SeriesLines::update_fields().with_names(["plan us", "segment us"]).with_widths([1.5; 2]);
+            stream.log_static(PLAN, &lines.with_colors(paint::series(2)))?;
+        }
+        Ok(Self { tracked: (0, 0.0), half_side_m: 0.5 * context.model.plate_side_m, has_pauses })
     }
 
     /// Logs the distance of measured from true positions.
@@ -88,7 +101,17 @@ impl Plots {
         }
         let (frames, track_us) = std::mem::take(&mut self.tracked);
         log_each(stream, "timing/track_us", [track_us / f64::from(frames.max(1))])?;
-        log_each(stream, "timing/plan_us", [cycle.plan_us])?;
+        match &cycle.plan.pulses[..] {
+            [PlannedPulse::Field(field), ..] if !self.has_pauses => {
+                let segment_s = TAU / field.wave.base_radps;
+                // places are those at the ends of segments, times those of the frames before
+                let segments = (cycle.ended_at.secs_since(cycle.observed_at) / segment_s).round().max(1.0);
+                let speed = |step_mm| step_mm / (segments * segment_s);
+                log_each(stream, SPEED, distances_mm(&cycle.observed_m, &cycle.result_m).map(speed))?;
+                log_each(stream, PLAN, [cycle.plan_us, segment_s * 1e6])?;
+            }
+            _ => log_each(stream, PLAN, [cycle.plan_us])?,
+        }
         log_each(stream, "timing/cycle_us", [cycle.cycle_us])
     }
 }

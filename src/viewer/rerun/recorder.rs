@@ -41,6 +41,7 @@ pub(super) struct Recorder {
     cycle: u64,
     camera: CameraView,
     table: TableView,
+    drives: signals::Drives,
     plots: Plots,
     log_view: LogView,
     context: RunContext,
@@ -54,9 +55,10 @@ impl Recorder {
         let camera = CameraView::start(&stream, &context)?;
         let table = TableView::start(&stream, &context)?;
         signals::start(&stream)?;
+        let drives = signals::Drives::default();
         let plots = Plots::start(&stream, &context)?;
         let log_view = LogView::default();
-        Ok(Self { stream, cycle: 0, camera, table, plots, log_view, context })
+        Ok(Self { stream, cycle: 0, camera, table, drives, plots, log_view, context })
     }
 
     /// Logs every message until the sender is gone. After a fault the remaining messages are discarded, so that the
@@ -89,6 +91,7 @@ impl Recorder {
         if let Some(text) = file.handle().ended_early() {
             recorded = recorded.and_then(|()| log_line(&self.stream, TextLogLevel::WARN, text));
         }
+        self.drives.end(&self.stream);
         let flushed = self.stream.flush();
         recorded.and(flushed)
     }
@@ -108,7 +111,8 @@ impl Recorder {
             }
             Message::Pulse(pulse) => {
                 self.table.pulse(&self.stream, &pulse)?;
-                signals::pulse(&self.stream, &pulse)
+                signals::pulse(&self.stream, &pulse, &mut self.drives);
+                Ok(())
             }
             Message::Cycle(cycle) => {
                 self.stream.at(cycle.observed_at, cycle.index);

@@ -1,5 +1,7 @@
 //! The recording stream of a run with its two timelines.
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use re_sdk_types::archetypes::Scalars;
@@ -24,7 +26,18 @@ pub(super) const GATHER: Duration = Duration::from_millis(500);
 const MOST_WAITING_BYTES: u64 = 16 << 20;
 
 /// A recording stream with the two timelines of a run, whose errors are texts.
-pub(super) struct RunStream(RecordingStream);
+pub(super) struct RunStream {
+    stream: RecordingStream,
+    /// Signals by path, sent with the next flush: a message costs far more than what it carries.
+    signals: RefCell<BTreeMap<String, Signal>>,
+}
+
+/// Values of several series at many times.
+#[derive(Default)]
+struct Signal {
+    times_ns: Vec<i64>,
+    values: Vec<f64>,
+}
 
 /// Result of logging, with the error as text.
 pub(super) type LogResult = Result<(), String>;
@@ -49,49 +62,61 @@ impl RunStream {
         stream.set_log_tick_enabled(false);
         send_layout(&stream)?;
         stream.send_recording_name(name).map_err(|e| e.to_string())?;
-        Ok(Self(stream))
+        Ok(Self { stream, signals: RefCell::default() })
     }
 
     /// Waits until everything logged so far is in the file.
     pub(super) fn flush(&self) -> LogResult {
-        self.0.flush_blocking().map_err(|e| e.to_string())
+        self.send_signals()?;
+        self.stream.flush_blocking().map_err(|e| e.to_string())
     }
 
     /// Starts the writing of everything logged so far, without waiting.
     pub(super) fn flush_async(&self) -> LogResult {
-        self.0.flush_async().map_err(|e| e.to_string())
+        self.send_signals()?;
+        self.stream.flush_async().map_err(|e| e.to_string())
     }
 
     /// Sets the time of everything logged from now on.
     pub(super) fn at(&self, at: PlateTime, cycle: u64) {
-        self.0.set_time(PLATE_TIME, TimeCell::from_duration_nanos(nanos(at)));
-        self.0.set_time_sequence(CYCLE, i64::try_from(cycle).unwrap_or(i64::MAX));
+        self.stream.set_time(PLATE_TIME, TimeCell::from_duration_nanos(nanos(at)));
+        self.stream.set_time_sequence(CYCLE, i64::try_from(cycle).unwrap_or(i64::MAX));
     }
 
     pub(super) fn log(&self, path: &str, what: &impl AsComponents) -> LogResult {
-        self.0.log(path, what).map_err(|e| format!("{path}: {e}"))
+        self.stream.log(path, what).map_err(|e| format!("{path}: {e}"))
     }
 
     /// Logs data that hold for the whole run.
     pub(super) fn log_static(&self, path: &str, what: &impl AsComponents) -> LogResult {
-        self.0.log_static(path, what).map_err(|e| format!("{path}: {e}"))
+        self.stream.log_static(path, what).map_err(|e| format!("{path}: {e}"))
     }
 
-    /// Logs `series` values at each of many times, on the timeline of plate time alone.
+    /// Logs an equal number of values at each of many times, on the timeline of plate time alone.
     pub(super) fn log_scalars(
         &self,
         path: &str,
-        times_ns: impl ExactSizeIterator<Item = i64>,
+        times_ns: impl IntoIterator<Item = i64>,
         values: impl IntoIterator<Item = f64>,
-        series: usize,
-    ) -> LogResult {
-        let rows = vec![series; times_ns.len()];
-        if rows.is_empty() {
-            return Ok(());
+    ) {
+        let mut signals = self.signals.borrow_mut();
+        let signal = signals.entry(path.to_owned()).or_default();
+        signal.times_ns.extend(times_ns);
+        signal.values.extend(values);
+    }
+
+    fn send_signals(&self) -> LogResult {
+        for (path, Signal { times_ns, values }) in self.signals.take() {
+            let Some(series) = values.len().checked_div(times_ns.len()) else { continue };
+            let rows = vec![series; times_ns.len()];
+            let times = TimeColumn::new_duration_nanos(PLATE_TIME, times_ns);
+            let sent = Scalars::new(values).columns(rows).map_err(|e| e.to_string()).and_then(|columns| {
+                let path = EntityPath::from(path.as_str());
+                self.stream.send_columns(path, [times], columns).map_err(|e| e.to_string())
+            });
+            sent.map_err(|e| format!("{path}: {e}"))?;
         }
-        let times = TimeColumn::new_duration_nanos(PLATE_TIME, times_ns);
-        let columns = Scalars::new(values).columns(rows).map_err(|e| format!("{path}: {e}"))?;
-        self.0.send_columns(EntityPath::from(path), [times], columns).map_err(|e| format!("{path}: {e}"))
+        Ok(())
     }
 }
 

@@ -32,27 +32,82 @@ pub(super) fn start(stream: &RunStream) -> LogResult {
     Ok(())
 }
 
+/// The drives as they are played. A pulse is held back until the next one comes, which may take over from it.
+#[derive(Default)]
+pub(super) struct Drives {
+    fading: Option<PlayedDrive>,
+    last: Option<PlayedDrive>,
+}
+
+/// Times on Rerun's timeline, ns, and whole counts, for each motor.
+type MotorSamples = (Vec<i64>, Vec<f64>);
+
+struct PlayedDrive {
+    drive: Drive,
+    start_ns: i64,
+}
+
+impl PlayedDrive {
+    fn counts_at(&self, at_ns: i64) -> [f64; MOTORS] {
+        self.drive.counts_at((at_ns - self.start_ns) as f64 * 1e-9)
+    }
+}
+
+impl Drives {
+    fn next(&mut self, start_ns: i64, drive: &Drive) -> MotorSamples {
+        let played = self.last_until(start_ns);
+        self.last = Some(PlayedDrive { drive: drive.clone(), start_ns });
+        played
+    }
+
+    /// Logs the last pulse to its end.
+    pub(super) fn end(&mut self, stream: &RunStream) {
+        let (times_ns, counts) = self.last_until(i64::MAX);
+        stream.log_scalars("motors", times_ns, counts);
+    }
+
+    /// The last pulse, with the one that decays while it rises, until one at `next_ns` takes over.
+    fn last_until(&mut self, next_ns: i64) -> MotorSamples {
+        let Some(mut last) = self.last.take() else { return MotorSamples::default() };
+        let mut times_ns: Vec<i64> = times_ns(last.start_ns, &motor_times_s(&last.drive)).collect();
+        let is_taken_over = times_ns.last().is_some_and(|end_ns| next_ns < *end_ns);
+        if is_taken_over {
+            let envelope = &mut last.drive.envelope;
+            envelope.sustain_s = ((next_ns - last.start_ns) as f64 * 1e-9 - envelope.attack_s).max(0.0);
+            times_ns.retain(|at_ns| *at_ns < next_ns);
+        }
+        let fading = self.fading.take();
+        let played = |&at_ns: &i64| {
+            let fading = fading.as_ref().map_or([0.0; MOTORS], |fading| fading.counts_at(at_ns));
+            // the generator rounds their sum
+            std::iter::zip(last.counts_at(at_ns), fading).map(|(rising, fading)| (rising + fading).round())
+        };
+        let counts = times_ns.iter().flat_map(played).collect();
+        self.fading = is_taken_over.then_some(last);
+        (times_ns, counts)
+    }
+}
+
 /// Logs the signals of a pulse: the drive of the motors and the accelerometers' trace.
-pub(super) fn pulse(stream: &RunStream, pulse: &PulseFacts) -> LogResult {
+pub(super) fn pulse(stream: &RunStream, pulse: &PulseFacts, drives: &mut Drives) {
     let start_ns = nanos(pulse.started_at);
-    let (times_s, counts) = motor_samples(&pulse.drive);
-    stream.log_scalars("motors", times_ns(start_ns, &times_s), counts, MOTORS)?;
+    let (motor_times_ns, counts) = drives.next(start_ns, &pulse.drive);
+    stream.log_scalars("motors", motor_times_ns, counts);
     let window = trace_window(&pulse.drive, &pulse.trace);
     let times_s: Vec<f64> = window.iter().map(|&i| pulse.trace.time_s(i)).collect();
     // a last sample that is not a number ends the line, so that it is not connected to the next pulse
     let end_s = times_s.last().map_or(0.0, |last| last + 1.0 / pulse.trace.sample_hz);
     let ended_s = [&times_s[..], &[end_s]].concat();
+    let fitted = |fit| times_s.iter().map(|&t_s| fitted_mps2(fit, t_s)).chain([[f64::NAN; 4]]).collect::<Vec<_>>();
+    let fitted = pulse.fit.as_ref().ok().map(fitted);
     for (entity, channels) in ACCELEROMETERS.into_iter().zip([[0, 1], [2, 3]]) {
-        let measured = |channel| window.iter().map(|&i| measured_mps2(&pulse.trace, channel, i)).collect();
-        let values = interleaved(channels.map(measured));
-        stream.log_scalars(&format!("{entity}/measured"), times_ns(start_ns, &times_s), values, 2)?;
-        if let Ok(fit) = &pulse.fit {
-            let fitted = |channel| times_s.iter().map(|&t| fitted_mps2(fit, channel, t)).chain([f64::NAN]).collect();
-            let values = interleaved(channels.map(fitted));
-            stream.log_scalars(&format!("{entity}/fitted"), times_ns(start_ns, &ended_s), values, 2)?;
+        let measured = window.iter().flat_map(|&i| channels.map(|channel| measured_mps2(&pulse.trace, channel, i)));
+        stream.log_scalars(&format!("{entity}/measured"), times_ns(start_ns, &times_s), measured);
+        if let Some(fitted) = &fitted {
+            let fitted = fitted.iter().flat_map(|sample| channels.map(|channel| sample[channel]));
+            stream.log_scalars(&format!("{entity}/fitted"), times_ns(start_ns, &ended_s), fitted);
         }
     }
-    Ok(())
 }
 
 /// Times on Rerun's timeline, ns.
@@ -60,22 +115,14 @@ fn times_ns(start_ns: i64, times_s: &[f64]) -> impl ExactSizeIterator<Item = i64
     times_s.iter().map(move |t| start_ns + (t * 1e9).round() as i64)
 }
 
-fn interleaved(pair: [Vec<f64>; 2]) -> impl Iterator<Item = f64> {
-    let [first, second] = pair;
-    first.into_iter().zip(second).flat_map(|(a, b)| [a, b])
-}
-
-/// Times after the start, s, and whole counts, for each motor, from silence to silence.
-fn motor_samples(drive: &Drive) -> (Vec<f64>, Vec<f64>) {
+/// Times after the start at which the motors' waveforms are recorded, s, from silence to silence.
+fn motor_times_s(drive: &Drive) -> Vec<f64> {
     let harmonics = drive.motors.iter().map(Vec::len).max().unwrap_or(0) as f64;
     let top_hz = harmonics * drive.base_radps / std::f64::consts::TAU;
     let sample_hz = MOTOR_HZ.max(MOTOR_SAMPLES_A_PERIOD * top_hz);
     let driven_s = drive.envelope.driven_s();
     let steps = (driven_s * sample_hz).ceil() as usize;
-    let times_s: Vec<f64> = (0..=steps).map(|i| (i as f64 / sample_hz).min(driven_s)).collect();
-    let counts = times_s.iter().flat_map(|&t_s| drive.counts_at(t_s).map(f64::round));
-    let counts = counts.collect();
-    (times_s, counts)
+    (0..=steps).map(|i| (i as f64 / sample_hz).min(driven_s)).collect()
 }
 
 /// Indices of the samples in the middle of the sustain, thinned out.
@@ -94,14 +141,17 @@ fn measured_mps2(trace: &AccelTrace, channel: usize, i: usize) -> f64 {
     }
 }
 
-/// `c1 cos wt + s1 sin wt + c2 cos 2wt + s2 sin 2wt` (Eq. 12), continued for as many harmonics as were fitted.
-fn fitted_mps2(fit: &PlateFit, channel: usize, t_s: f64) -> f64 {
+/// `c1 cos wt + s1 sin wt + c2 cos 2wt + s2 sin 2wt` (Eq. 12) in each channel, continued for as many harmonics as were
+/// fitted.
+fn fitted_mps2(fit: &PlateFit, t_s: f64) -> [f64; 4] {
     let motion = fit.motion();
-    let harmonic = |(k, [c, s]): (u32, &[f64; 2])| {
-        let (sin, cos) = libm::sincos(f64::from(k) * motion.wave.base_radps * t_s);
-        c * cos + s * sin
+    let (sin, cos) = libm::sincos(motion.wave.base_radps * t_s);
+    let next = |&(sin_k, cos_k): &(f64, f64)| Some((sin_k * cos + cos_k * sin, cos_k * cos - sin_k * sin));
+    let multiples = std::iter::successors(Some((sin, cos)), next);
+    let sum = |channel: &Vec<[f64; 2]>| {
+        channel.iter().zip(multiples.clone()).map(|([c, s], (sin, cos))| c * cos + s * sin).sum()
     };
-    (1..).zip(&motion.accel_mps2[channel]).map(harmonic).sum()
+    motion.accel_mps2.each_ref().map(sum)
 }
 
 #[cfg(test)]
@@ -109,19 +159,41 @@ mod tests {
     use super::*;
     use upm_core::signal::{Envelope, Harmonic};
 
-    #[test]
-    fn motor_samples_start_and_end_at_zero() {
+    fn drive() -> Drive {
         let wave = vec![Harmonic { cos: 100.0, sin: 0.0 }; 2];
-        let drive = Drive {
+        Drive {
             base_radps: 377.0,
             motors: [wave.clone(), wave.clone(), wave.clone(), wave],
             shaping: Default::default(),
             envelope: Envelope { attack_s: 0.01, sustain_s: 0.0305, rest_s: 0.1 },
-        };
-        let (times_s, counts) = motor_samples(&drive);
-        assert_eq!(counts.len(), MOTORS * times_s.len());
-        assert_eq!((times_s.first(), times_s.last()), (Some(&0.0), Some(&drive.envelope.driven_s())));
+        }
+    }
+
+    #[test]
+    fn motor_samples_start_and_end_at_zero() {
+        let mut drives = Drives::default();
+        assert!(drives.next(5, &drive()).0.is_empty(), "held back");
+        let (times_ns, counts) = drives.last_until(i64::MAX);
+        assert_eq!(counts.len(), MOTORS * times_ns.len());
+        let end_ns = 5 + (drive().envelope.driven_s() * 1e9).round() as i64;
+        assert_eq!((times_ns.first(), times_ns.last()), (Some(&5), Some(&end_ns)));
         assert!(counts[..MOTORS].iter().chain(&counts[counts.len() - MOTORS..]).all(|&count| count == 0.0));
-        assert!(counts.iter().all(|count| count.fract() == 0.0));
+        assert!(counts.iter().all(|count| count.fract() == 0.0) && counts.iter().any(|count| *count > 90.0));
+    }
+
+    #[test]
+    fn a_pulse_that_takes_over_is_shown_as_their_sum() {
+        let still = Drive { motors: Default::default(), ..drive() };
+        let (mut drives, start_ns) = (Drives::default(), 20_000_000);
+        drives.next(0, &drive());
+        let (before_ns, _) = drives.next(start_ns, &still);
+        assert!(before_ns.last().is_some_and(|last_ns| *last_ns < start_ns), "one value at a time");
+        let (after_ns, counts) = drives.last_until(i64::MAX);
+        assert_eq!(after_ns[0], start_ns);
+        let mut decaying = drive();
+        decaying.envelope.sustain_s = 0.01;
+        let wanted = after_ns.iter().flat_map(|&at_ns| decaying.counts_at(at_ns as f64 * 1e-9).map(f64::round));
+        assert_eq!(counts, wanted.collect::<Vec<_>>());
+        assert!(counts.iter().any(|count| count.abs() > 10.0));
     }
 }

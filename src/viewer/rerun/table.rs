@@ -102,6 +102,11 @@ impl TableView {
     }
 
     pub(super) fn cycle(&self, stream: &RunStream, cycle: &CycleFacts, context: &RunContext) -> LogResult {
+        if !cycle.ends_at_rest {
+            // where the planner of moving parts takes them to be, in no recorded frame
+            let centers = cycle.observed_m.iter().copied().map(above);
+            stream.log("table/measured", &Ellipses2D::update_fields().with_centers(centers))?;
+        }
         self.log_wanted(stream, cycle)?;
         self.log_centers(stream, &cycle.plan.pulses, &context.library)?;
         self.log_forecast(stream, cycle)?;
@@ -148,6 +153,9 @@ impl TableView {
 
     /// Logs this cycle's centres of rotation, numbered in playing order.
     fn log_centers(&self, stream: &RunStream, pulses: &[PlannedPulse], library: &Library) -> LogResult {
+        if let [PlannedPulse::Field(_), ..] = pulses {
+            return Ok(());
+        }
         let window_m = WINDOW * self.half_side_m;
         let chosen = pulses.iter().enumerate().filter_map(|(j, pulse)| {
             let PlannedPulse::Rotation(pulse) = pulse else { return None };
@@ -215,8 +223,13 @@ const MOMENTS: usize = 256;
 
 /// The plate's velocity at moments spread evenly over one base period.
 fn over_a_period(wave: &TwistWave) -> impl Iterator<Item = Twist> + '_ {
-    let step_s = TAU / wave.base_radps / MOMENTS as f64;
-    (0..MOMENTS).map(move |i| wave.at(step_s * i as f64))
+    let turns: Vec<(f64, f64)> = (0..MOMENTS).map(|i| libm::sincos(TAU * i as f64 / MOMENTS as f64)).collect();
+    (0..MOMENTS).map(move |i| {
+        (1..).zip(&wave.harmonics).fold(Twist::ZERO, |sum, (k, harmonic)| {
+            let (sin, cos) = turns[k * i % MOMENTS];
+            sum + harmonic.cos * cos + harmonic.sin * sin
+        })
+    })
 }
 
 /// The direction in which friction pulls a part at rest at `p_m`, times its share of sliding friction: the mean of the

@@ -3,20 +3,20 @@ use std::net::TcpListener;
 use std::path::Path;
 use std::sync::Arc;
 
-use re_sdk_types::archetypes::{Ellipses2D, Transform3D};
+use re_sdk_types::archetypes::{Ellipses2D, Scalars, Transform3D};
 use rerun::EntityPath;
 use rerun::external::re_log_encoding::DecoderApp;
 use rerun::log::{Chunk, LogMsg};
 
 use super::RerunSink;
 use crate::{RecordingError, RunContext};
-use upm_control::{EventFacts, EventLevel, PulseFacts, Sink};
+use upm_control::{CycleFacts, EventFacts, EventLevel, PulseFacts, Sink};
 use upm_core::time::{MonotonicClock, PlateTime};
 use upm_fixtures::{
     rig,
     synthetic_run::{self, SyntheticRun},
 };
-use upm_planning::planner::PlanningMethod;
+use upm_planning::planner::{PlannedPulse, PlanningMethod};
 use upm_recording::{RecordingOptions, RerunMode};
 
 pub(super) fn context(run: &SyntheticRun) -> RunContext {
@@ -43,9 +43,14 @@ pub(super) fn context(run: &SyntheticRun) -> RunContext {
 pub(super) struct SeenFacts {
     pub(super) pulses: Vec<PulseFacts>,
     pub(super) events: Vec<EventFacts>,
+    pub(super) cycles: Vec<CycleFacts>,
 }
 
 impl Sink for SeenFacts {
+    fn cycle(&mut self, facts: &CycleFacts) {
+        self.cycles.push(facts.clone());
+    }
+
     fn pulse(&mut self, facts: &PulseFacts) {
         self.pulses.push(facts.clone());
     }
@@ -190,6 +195,46 @@ fn fields_are_shown_by_their_effect_on_the_parts() {
     }
     let shown: String = blueprint.chunks().map(|chunk| chunk.to_string()).collect();
     assert!(shown.contains("plan/harmonics_mm_s") && !shown.contains("plan/d_mm"), "the panel shows what there is");
+}
+
+#[test]
+fn a_run_without_pauses_shows_speeds_and_planning_beside_the_segment() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let mut run = SyntheticRun::new(2);
+    (run.plans_fields, run.wall_us) = (true, 180.0);
+    let context = RunContext { method: PlanningMethod::MovingField, ..context(&run) };
+    let mut memory = SeenFacts::default();
+    let mut sink = RerunSink::start(&RerunMode::Save, &path, context, &recording_options()).unwrap();
+    run.localise(&mut sink);
+    (0..3).for_each(|_| run.cycle(&mut sink));
+    run.ends_at_rest = false;
+    run.cycle(&mut memory);
+    sink.cycle(&memory.cycles[0]);
+    sink.finish().unwrap();
+    let PlannedPulse::Field(field) = &memory.pulses[0].planned else { panic!("{:?}", memory.pulses[0].planned) };
+    let segment_us = std::f64::consts::TAU / field.wave.base_radps * 1e6;
+    let (recording, blueprint) = stores(&path);
+    let values = |path: &str| -> Vec<Vec<f64>> {
+        let logged = recording.chunks().filter(|chunk| *chunk.entity_path() == path.into() && !chunk.is_static());
+        logged
+            .flat_map(|chunk| chunk.iter_slices::<f64>(Scalars::descriptor_scalars().component))
+            .map(<[_]>::to_vec)
+            .collect()
+    };
+    assert_eq!(values("timing/plan_us"), vec![vec![180.0, segment_us]; 4]);
+    let rows = |path: &str| -> usize {
+        let logged = recording.chunks().filter(|chunk| *chunk.entity_path() == path.into() && !chunk.is_static());
+        logged.map(|chunk| chunk.num_rows()).sum()
+    };
+    assert_eq!(rows("table/measured"), rows("table/true") + 1, "places of a moving cycle are those of the journal");
+    let speeds = values("motion/speed_mm_s");
+    assert!(
+        speeds.len() == 4 && speeds.iter().all(|parts| parts.len() == 2 && parts.iter().all(|v| *v > 1.0)),
+        "{speeds:?}"
+    );
+    let shown: String = blueprint.chunks().map(|chunk| chunk.to_string()).collect();
+    assert!(shown.contains("motion/speed_mm_s"));
 }
 
 #[test]

@@ -193,15 +193,17 @@ impl HarmonicBasis {
     }
 
     /// The transpose of [`Self::sums`]: for eight series over a period, the sums of products with cos and sin of each
-    /// harmonic.
+    /// harmonic. A series is zero in every phase that no step has.
     pub fn projections(&self, series: &[SimdF64]) -> Vec<[SimdF64; 2]> {
         let folded = |q: usize| {
             let (there, back) = (series[q], series[self.mirrored(q)]);
             if q == 0 { [there, SimdF64::ZERO] } else { [there + back, there - back] }
         };
-        let folded: Vec<[SimdF64; 2]> = (0..=self.samples / 2).map(folded).collect();
+        let repeats = self.samples.is_multiple_of(self.stride);
+        let (first, every) = if repeats { (self.stride / 2, self.stride) } else { (0, 1) };
+        let folded: Vec<[SimdF64; 2]> = (first..=self.samples / 2).step_by(every).map(folded).collect();
         let projection = |k: usize| {
-            let column = self.table.iter().skip(k).step_by(self.harmonics);
+            let column = self.table[first * self.harmonics..].iter().skip(k).step_by(every * self.harmonics);
             let sum = |[cos_sum, sin_sum]: [SimdF64; 2], ([even, odd], [cos, sin]): (&[SimdF64; 2], &[f64; 2])| {
                 [cos_sum + *even * SimdF64::splat(*cos), sin_sum + *odd * SimdF64::splat(*sin)]
             };

@@ -197,16 +197,9 @@ impl ShootingProblem<'_> {
         let (n, ends) = (self.basis.len(), self.steps_m.len());
         let (penalties, columns) = (self.penalties.len(), ends + self.penalties.len() + iterate.course.len());
         let mut slopes = iterate.rollout.slopes(self.basis).resize_horizontally(columns, 0.0);
-        let mut column = ends + penalties;
-        for offs in iterate.course.chunk_by(|a, b| a.step == b.step) {
-            let mut normals = vec![Vec2::zeros(); self.discs.len()];
-            offs.iter().for_each(|off| normals[off.part] = off.normal);
-            let by_part = iterate.rollout.slopes_at(self.basis, offs[0].step, &normals);
-            for off in offs {
-                slopes.set_column(column, &by_part.column(off.part));
-                column += 1;
-            }
-        }
+        let course: Vec<_> = iterate.course.iter().map(|off| (off.part, off.step, off.normal)).collect();
+        let of_course = iterate.rollout.slopes_along(self.basis, &course);
+        slopes.columns_mut(ends + penalties, course.len()).copy_from(&of_course);
         for (mut row, weight) in slopes.row_iter_mut().zip(&self.effort.weights) {
             row /= weight.sqrt();
         }

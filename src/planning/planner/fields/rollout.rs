@@ -14,6 +14,7 @@
 //! The slopes of all ends by all coefficients come from the same equations run backwards (the adjoint), at about twice
 //! the cost of one rollout; see [`PlateSlopes`] for what they leave out.
 
+use std::cmp::Reverse;
 use std::ops::Range;
 
 use nalgebra::DMatrix;
@@ -233,19 +234,41 @@ impl Rollout {
         slopes
     }
 
-    /// Slopes of the positions before time step `step` along `normals`, one for each part, by every coefficient: a
-    /// column for each part.
-    pub fn slopes_at(&self, basis: &HarmonicBasis, step: usize, normals: &[Vec2]) -> DMatrix<f64> {
-        let mut slopes = DMatrix::zeros(basis.len(), normals.len());
-        for ((group, normals), first) in self.groups.iter().zip(normals.chunks(LANES)).zip((0..).step_by(LANES)) {
-            let mut by_plate = PlateSlopes::new(basis);
-            let lanes =
-                |axis: usize| SimdF64::from(std::array::from_fn(|lane| normals.get(lane).map_or(0.0, |n| n[axis])));
-            let by_state = ([lanes(0), lanes(1)], [SimdF64::ZERO; 2]);
-            group.adjoint(by_state, &self.steps, 0..step, basis.step_s(), &mut by_plate);
-            for (j, of_parts) in basis.slopes(&by_plate).enumerate() {
-                let parts = (first..first + normals.len()).zip(of_parts.to_array());
-                parts.for_each(|(part, slope)| slopes[(j, part)] = slope);
+    /// Slopes of places under way by every coefficient, a column for each of `rows`: a part, the step before which its
+    /// place counts, and the direction along which it does.
+    pub fn slopes_along(&self, basis: &HarmonicBasis, rows: &[(usize, usize, Vec2)]) -> DMatrix<f64> {
+        let mut slopes = DMatrix::zeros(basis.len(), rows.len());
+        let mut left: Vec<usize> = (0..rows.len()).collect();
+        left.sort_by_key(|&row| Reverse(rows[row].1));
+        for (group, first) in self.groups.iter().zip((0..).step_by(LANES)) {
+            loop {
+                // a run backwards takes one row of each part
+                let mut run: Vec<usize> = Vec::with_capacity(LANES);
+                left.retain(|&row| {
+                    let part = rows[row].0;
+                    let is_taken =
+                        (first..first + LANES).contains(&part) && run.iter().all(|&other| rows[other].0 != part);
+                    run.extend(is_taken.then_some(row));
+                    !is_taken
+                });
+                let Some(&latest) = run.first() else { break };
+                let mut until = rows[latest].1;
+                let mut by_plate = PlateSlopes::new(basis);
+                let mut by_state = ([SimdF64::ZERO; 2], [SimdF64::ZERO; 2]);
+                for &row in &run {
+                    let (part, step, normal) = rows[row];
+                    by_state = group.adjoint(by_state, &self.steps, step..until, basis.step_s(), &mut by_plate);
+                    until = step;
+                    for (by_place, along) in by_state.0.iter_mut().zip(&normal) {
+                        let of_lane = |lane| if lane == part - first { *along } else { 0.0 };
+                        *by_place += SimdF64::from(std::array::from_fn(of_lane));
+                    }
+                }
+                group.adjoint(by_state, &self.steps, 0..until, basis.step_s(), &mut by_plate);
+                for (j, of_parts) in basis.slopes(&by_plate).enumerate() {
+                    let of_parts = of_parts.to_array();
+                    run.iter().for_each(|&row| slopes[(j, row)] = of_parts[rows[row].0 - first]);
+                }
             }
         }
         slopes

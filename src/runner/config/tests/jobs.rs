@@ -143,3 +143,41 @@ proptest! {
         prop_assert_eq!(again.effective(), spec.effective());
     }
 }
+
+#[test]
+fn tasks_of_a_list_are_refused_where_they_cannot_follow_each_other() {
+    let made = |change: Value| {
+        let mut document = json!({
+            "name": "made", "rig": "rigs/upm-2.json", "parts": [{"kind": "penny", "count": 2}],
+            "tasks": [{"type": "arrange", "targets_mm": [[-40, 0], [40, 0]]}, {"type": "hold", "duration_s": 1}],
+        });
+        document.as_object_mut().unwrap().extend(change.as_object().unwrap().clone());
+        job(&document).map(|job| job.each_task().map(|task| task.name()).collect::<Vec<_>>()).map_err(lines)
+    };
+    assert_eq!(made(json!({"repeat": 0})), Ok(vec!["arrange", "hold"]));
+    let hold = json!({"type": "hold"});
+    for (change, refused) in [
+        (json!({"tasks": null}), "task: expected exactly one of task and tasks, found none"),
+        (json!({"task": hold}), "task: expected exactly one of task and tasks, found task and tasks"),
+        (json!({"tasks": null, "task": hold, "repeat": 2}), "repeat: expected 1 without tasks, found 2"),
+        (
+            json!({"tasks": [hold, hold]}),
+            "tasks[0]: expected one that ends, since another follows it, found a task without end",
+        ),
+        (
+            json!({"tasks": [hold], "repeat": 2}),
+            "tasks[0]: expected one that ends, since another follows it, found a task without end",
+        ),
+        (
+            json!({"tasks": [{"type": "hold", "duration_s": 1}, {"type": "plus_sign"}]}),
+            "parts: expected exactly one part for plus_sign, found 2 parts",
+        ),
+        (
+            json!({"tasks": [{"type": "arrange", "targets_mm": [[0, 0], [0, 19]]}]}),
+            "tasks[0].targets_mm[1]: expected 21.050 mm or more (both radii and 2.000 mm between the rims), found \
+             19.000 mm from tasks[0].targets_mm[0]",
+        ),
+    ] {
+        assert_eq!(made(change), Err(vec![refused.to_owned()]));
+    }
+}

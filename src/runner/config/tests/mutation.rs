@@ -124,6 +124,29 @@ proptest! {
     }
 
     #[test]
+    fn other_numbers_are_taken_or_refused_in_words(
+        which in 0..5_usize,
+        changes in proptest::collection::vec((any::<prop::sample::Index>(), prop_oneof![-200.0..200.0f64, -3.0..9.0f64, any::<f64>()]), 1..4),
+    ) {
+        let name = ["arrange-8", "sort-8", "sort-12", "ring-6", "bowtie-3"][which];
+        let mut document = whole(&format!("{name}.json"), "rigs/upm-2.json");
+        let mut all = Vec::new();
+        places(&document, "", &mut all);
+        all.retain(|place| !place.starts_with("/rig") && document.pointer(place).is_some_and(Value::is_number));
+        for (index, value) in changes {
+            let is_whole = value.fract() == 0.0 && value.abs() < 1e9;
+            let value = if is_whole { json!(value as i64) } else { json!(value) };
+            *document.pointer_mut(index.get(&all[..]).as_str()).unwrap() = value;
+        }
+        let job = JobSpec::from_json(&document.to_string(), &origin(), None);
+        let faults = job.and_then(|job| place_parts(&job, Streams::new(job.seed())).map_err(|fault| vec![fault])).err();
+        for fault in faults.iter().flatten().map(ToString::to_string) {
+            let is_in_words = fault.contains(": expected ") && fault.contains(", found ") && !fault.contains('\n');
+            prop_assert!(is_in_words, "{fault}");
+        }
+    }
+
+    #[test]
     fn torn_text_never_panics(cut in any::<prop::sample::Index>(), byte in any::<char>()) {
         let mut text = text_of("trajectories.json");
         let places: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();

@@ -60,7 +60,7 @@ impl<'a> PlanReport<'a> {
     pub fn json(&self) -> Value {
         let forecast = &self.forecast;
         let id = |part: usize| forecast.parts.get(part).map(|part| part.id.as_str());
-        let plate_time = range(&forecast.dry_runs, |report| report.plate_time_s).map(|[least, median, most]| {
+        let plate_time = bracket_s(&forecast.dry_runs).map(|[least, median, most]| {
             json!({ "least": rounded(least), "median": rounded(median), "most": rounded(most) })
         });
         let smallest_gap = nearest(&forecast.dry_runs).map(|ClosestApproach { gap_m, parts, at_s }| {
@@ -136,7 +136,7 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
         figures.push(("", format!("{times} of {all}: {reason}")));
     }
     figures.push(("planner", planner_line(&forecast.planner.report)));
-    if let Some([least, middle, most]) = range(&forecast.dry_runs, |report| report.plate_time_s) {
+    if let Some([least, middle, most]) = bracket_s(&forecast.dry_runs) {
         let text = format!("{middle:.1} s of plate time ({least:.1} to {most:.1})");
         figures.push(("predicted", text));
     }
@@ -222,11 +222,24 @@ fn endings(dry_runs: &[DryRun]) -> Vec<(&str, usize)> {
     endings
 }
 
-/// Least, median and largest value of a figure over the completed dry runs; `None` if none completed.
-fn range(dry_runs: &[DryRun], figure: impl Fn(&Report) -> f64) -> Option<[f64; 3]> {
-    let mut figures: Vec<f64> = completed(dry_runs).map(|dry_run| figure(&dry_run.report)).collect();
-    figures.sort_by(f64::total_cmp);
-    Some([*figures.first()?, median(&figures)?, *figures.last()?])
+/// Student's t that nine of ten values are below, for 1 to 4 degrees of freedom.
+const T_90: [f64; 4] = [3.078, 1.886, 1.638, 1.533];
+
+/// Median plate time of the completed dry runs, s, and about it the interval that holds one more run four times of
+/// five: by Student's t on logarithms, and a cycle wide on either side at least, since a run ends with one. `None` if
+/// none completed.
+fn bracket_s(dry_runs: &[DryRun]) -> Option<[f64; 3]> {
+    let mut times_s: Vec<f64> = completed(dry_runs).map(|dry_run| dry_run.report.plate_time_s).collect();
+    times_s.sort_by(f64::total_cmp);
+    let cycles_s = completed(dry_runs).map(|dry_run| dry_run.report.plate_time_s / dry_run.report.work.cycles as f64);
+    let cycle_s = cycles_s.filter(|cycle_s| cycle_s.is_finite()).fold(0.0, f64::max);
+    let (count, middle_s) = (times_s.len() as f64, median(&times_s)?);
+    let mean = times_s.iter().map(|time_s| libm::log(*time_s)).sum::<f64>() / count;
+    let squares: f64 = times_s.iter().map(|time_s| (libm::log(*time_s) - mean).powi(2)).sum();
+    let t = times_s.len().checked_sub(2).map_or(0.0, |i| T_90[i.min(T_90.len() - 1)]);
+    let off = t * (squares / (count - 1.0).max(1.0) * (1.0 + 1.0 / count)).sqrt();
+    let [least_s, most_s] = [-off, off].map(|off| libm::exp(mean + off));
+    Some([least_s.min(middle_s - cycle_s), middle_s, most_s.max(middle_s + cycle_s)])
 }
 
 /// Least gap between two parts in any dry run.
@@ -269,19 +282,22 @@ mod tests {
         };
         let mut dry_runs =
             vec![one(9.0, 0.003, &[("a", 2), ("b", 1)]), one(4.0, 0.001, &[]), one(5.0, 0.002, &[("b", 3)])];
-        let time = |report: &Report| report.plate_time_s;
         assert_eq!(verdict(&dry_runs), PlanVerdict::CanBeDone);
-        assert_eq!(range(&dry_runs, time), Some([4.0, 5.0, 9.0]));
+        // the mean of the logarithms is ln 5.646, their standard deviation 0.4185
+        let off = 1.886 * 0.418_5 * (4.0f64 / 3.0).sqrt();
+        let [least_s, middle_s, most_s] = bracket_s(&dry_runs).unwrap();
+        assert!(middle_s == 5.0 && (most_s / 5.646 - libm::exp(off)).abs() < 0.01, "{most_s}");
+        assert!((least_s / 5.646 - libm::exp(-off)).abs() < 0.01, "{least_s}");
         assert_eq!(nearest(&dry_runs), closest(0.001));
         assert_eq!(limits_met(&dry_runs), [("b", 4), ("a", 2)]);
         dry_runs[2].report = ended(Outcome::Failed, "stalled", 5.0);
         assert_eq!(verdict(&dry_runs), PlanVerdict::Likely);
         assert_eq!(endings(&dry_runs), [("stalled", 1), ("there", 2)]);
-        assert_eq!(range(&dry_runs, time), Some([4.0, 6.5, 9.0]));
+        assert_eq!(bracket_s(&dry_runs).unwrap()[1], 6.5);
         dry_runs[1].report.verdict = Some(Verdict::FalseSuccess);
         assert_eq!(verdict(&dry_runs), PlanVerdict::Unlikely, "the truth says otherwise");
         dry_runs[0].report = ended(Outcome::Failed, "stalled", 5.0);
         assert_eq!((verdict(&dry_runs), verdict(&dry_runs).is_failure()), (PlanVerdict::CannotBeDone, true));
-        assert_eq!(range(&dry_runs, time), None);
+        assert_eq!(bracket_s(&dry_runs), None);
     }
 }

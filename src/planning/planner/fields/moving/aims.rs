@@ -52,6 +52,18 @@ impl Goal {
     }
 }
 
+/// Where a part is heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heading {
+    /// The place where it should come to rest, m, or where it should be [`super::MovingPlanner::ahead_s`] after the segment
+    /// begins.
+    pub target_m: Vec2,
+    /// The next place on its way there that keeps it clear of others, m.
+    pub subgoal_m: Vec2,
+    /// Velocity with which it passes its target, m/s; `None` where it comes to rest.
+    pub along_mps: Option<Vec2>,
+}
+
 /// A part on the plate, moving.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MovingPart {

@@ -8,8 +8,8 @@
 //! ```
 //!
 //! The unconstrained step lies in the span of the gradients, and so does the constrained one: it leaves out most of the
-//! coefficients. Rows are generated: the program is solved, its answer is played in the model, and the gaps closed by
-//! that are added.
+//! coefficients. A gap has a row for its closing speed at the end, and one for its least width within the segment. Rows
+//! are generated: the program is solved, its answer is played in the model, and the gaps closed by that are added.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -19,6 +19,8 @@ use crate::qp::{ColumnWriter, Cone, Program};
 
 /// Speed that a gap has to spare below which it has a row from the start, m/s.
 const NEAR_MPS: f64 = 0.02;
+/// The same for gaps within the segment, which the motion moves less.
+const NEAR_WITHIN_MPS: f64 = 0.005;
 /// Programs solved at most.
 const PROGRAMS: usize = 3;
 /// Price of a metre per second that a gap lacks, and weight of its square in the merit, relative to the residuals'
@@ -32,20 +34,25 @@ const REACH: f64 = 0.1;
 
 impl SegmentProblem<'_> {
     /// `shot`, changed once more such that no part comes too near to others or to the edge, where that is possible.
-    pub fn constrained(&self, shot: Shot) -> Shot {
+    pub fn constrained(&self, mut shot: Shot) -> Shot {
+        shot.guards.extend(self.within(&shot, 0.0));
+        let near_steps = self.model.basis.steps_a_period() / 8;
         let slopes = self.task_slopes(&shot);
         let of_gaps = self.gap_slopes(&shot);
         let mut rows = self.gaps(&shot, NEAR_MPS);
+        rows.extend(self.within(&shot, NEAR_WITHIN_MPS));
+        let mut columns = self.guard_columns(&shot, &of_gaps, &rows);
         let length: f64 = self.priced(&shot.motion.coefficients).iter().map(|c| c * c).sum();
         let mut better: Option<Shot> = None;
         let mut reach = REACH * length.sqrt();
         for _ in 0..PROGRAMS {
-            let gap_columns = self.guard_columns(&of_gaps, &rows);
-            let Some(change) = step(&slopes, &gap_columns, &shot.residual, &rows, reach) else { break };
+            let Some(change) = step(&slopes, &columns, &shot.residual, &rows, reach) else { break };
             let changed = self.changed(&shot.motion.coefficients, &change);
-            let next = self.within_limits(&changed);
-            let broken: Vec<Guard> =
-                next.guards.iter().filter(|guard| !rows.iter().any(|row| row.is_of(guard))).copied().collect();
+            let mut next = self.within_limits(&changed);
+            next.guards.extend(self.within(&next, 0.0));
+            let is_new = |guard: &&Guard| !rows.iter().any(|row| row.is_of(guard, near_steps));
+            let broken = next.guards.iter().filter(is_new).filter_map(|guard| self.in_shot(guard, &shot));
+            let broken: Vec<Guard> = broken.collect();
             let is_better = merit(&next) < merit(better.as_ref().unwrap_or(&shot));
             let other = if is_better { better.replace(next) } else { Some(next) };
             other.into_iter().for_each(|other| self.pool.keep(other.rollout));
@@ -55,9 +62,11 @@ impl SegmentProblem<'_> {
             if !is_better {
                 reach *= NARROWER;
             }
-            // as they are before the change
-            let all = self.gaps(&shot, f64::INFINITY);
-            rows.extend(all.into_iter().filter(|gap| broken.iter().any(|guard| guard.is_of(gap))));
+            let of_broken = self.guard_columns(&shot, &of_gaps, &broken);
+            let old = columns.ncols();
+            columns = columns.resize_horizontally(old + broken.len(), 0.0);
+            columns.columns_mut(old, broken.len()).copy_from(&of_broken);
+            rows.extend(broken);
         }
         let Some(better) = better else { return shot };
         self.pool.keep(shot.rollout);

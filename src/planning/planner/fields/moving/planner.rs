@@ -1,7 +1,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::aims::{AHEAD, Aims, Goal, MovingPart, rms};
+use super::aims::{AHEAD, Aims, Goal, Heading, MovingPart, rms};
 use super::filter::PartFilter;
 use super::model::MovingModel;
 use super::motion::{Motion, NearEdge};
@@ -59,18 +59,8 @@ pub struct Segment {
     pub sets_down: bool,
     /// Forecast places at the end of its first period, m; of the last segment where the parts come to rest.
     pub ends_m: Vec<Vec2>,
-}
-
-/// Where a part is heading.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Heading {
-    /// The place where it should come to rest, m, or where it should be [`MovingPlanner::ahead_s`] after the segment
-    /// begins.
-    pub target_m: Vec2,
-    /// The next place on its way there that keeps it clear of others, m.
-    pub subgoal_m: Vec2,
-    /// Velocity with which it passes its target, m/s; `None` where it comes to rest.
-    pub along_mps: Option<Vec2>,
+    /// True where the parts keep clear of the edge and of each other until they rest, even where no segment follows.
+    pub is_clear: bool,
 }
 
 /// Plans motions that never stop until all parts are at their targets (equation sheet, section 5.1). Follows the parts
@@ -80,8 +70,9 @@ pub struct MovingPlanner {
     params: PlannerParams,
     model: Arc<MovingModel>,
     parts: Vec<PartFilter>,
-    /// Step of the present segment up to which the parts were followed.
+    /// Step of the present segment up to which the parts were followed, and its last one.
     step: usize,
+    end: usize,
     /// The motion before the present one, the present one, and the one planned after it.
     before: Arc<Motion>,
     present: Arc<Motion>,
@@ -114,6 +105,7 @@ impl MovingPlanner {
             params,
             parts: radii_m.iter().map(|&radius_m| PartFilter::new(radius_m, model.friction)).collect(),
             step: 0,
+            end: model.basis.steps_a_period(),
             before: Arc::clone(&rest),
             present: Arc::clone(&rest),
             planned: rest,
@@ -149,13 +141,19 @@ impl MovingPlanner {
     /// The planned segment begins to play.
     pub fn begin(&mut self) {
         if !self.is_resting {
-            self.advance(self.model.basis.steps_a_period());
+            self.advance(self.end);
         }
         self.before = std::mem::replace(&mut self.present, Arc::clone(&self.planned));
-        (self.step, self.is_resting) = (0, false);
+        (self.step, self.end, self.is_resting) = (0, self.model.basis.steps_a_period(), false);
         if let Some((at_s, seen_m)) = self.early.take() {
             self.observe(at_s, &seen_m);
         }
+    }
+
+    /// The present segment plays for `time_s`, one period or two, until the next one begins.
+    pub fn plays_for(&mut self, time_s: f64) {
+        let periods = (time_s / self.period_s()).round().clamp(1.0, 2.0) as usize;
+        self.end = periods * self.model.basis.steps_a_period();
     }
 
     /// Takes a frame exposed `at_s` after the present segment began; `seen_m` are the places of the parts in it, `None`
@@ -163,11 +161,12 @@ impl MovingPlanner {
     ///
     /// Returns how far the parts are off their forecast places, m: the median, and 0 for fewer than three.
     pub fn observe(&mut self, at_s: f64, seen_m: &[Option<Vec2>]) -> f64 {
-        if at_s > self.period_s() {
-            self.early = Some((at_s - self.period_s(), seen_m.to_vec()));
+        let step_s = self.model.basis.step_s();
+        let end_s = self.end as f64 * step_s;
+        if at_s > end_s {
+            self.early = Some((at_s - end_s, seen_m.to_vec()));
             return 0.0;
         }
-        let step_s = self.model.basis.step_s();
         let step = (at_s / step_s).round().max(0.0) as usize;
         self.advance(step);
         let early_s = self.step as f64 * step_s - at_s;
@@ -215,14 +214,13 @@ impl MovingPlanner {
         if self.is_resting {
             return self.places_m().into_iter().map(|place_m| (place_m, Vec2::zeros(), Vec2::zeros())).collect();
         }
-        let steps = self.model.basis.steps_a_period();
-        if self.step >= steps {
+        if self.step >= self.end {
             let state =
                 |part: &PartFilter| (part.disc().position_m, part.disc().velocity_mps, part.disc().velocity_mps);
             return self.parts.iter().map(state).collect();
         }
-        let rollout = self.rollout(self.step..steps);
-        let over_s = (steps - self.step) as f64 * self.model.basis.step_s();
+        let rollout = self.rollout(self.step..self.end);
+        let over_s = (self.end - self.step) as f64 * self.model.basis.step_s();
         let state = |((place_m, velocity_mps), part): ((Vec2, Vec2), &PartFilter)| {
             let from = part.disc();
             let drift_mps = (place_m - from.position_m) / over_s + (velocity_mps - from.velocity_mps) * 0.5;
@@ -278,7 +276,7 @@ impl MovingPlanner {
         let comes_to_rest = rms_m < SET_DOWN_M && headings.iter().all(|heading| heading.along_mps.is_none());
         let set_down = if comes_to_rest { self.set_down(&parts) } else { None };
         let sets_down = set_down.is_some();
-        let (motion, ends_m) = set_down.unwrap_or_else(|| self.drift(&parts));
+        let (motion, ends_m, is_clear) = set_down.unwrap_or_else(|| self.drift(&parts));
         self.planned = Arc::new(motion);
         if sets_down {
             (self.slow, self.best_m) = (0, f64::INFINITY);
@@ -287,7 +285,7 @@ impl MovingPlanner {
         }
         let wave = self.model.basis.wave(&self.planned.coefficients);
         let sustain_s = if sets_down { 0.0 } else { self.model.envelope.sustain_s };
-        Segment { pulse: FieldPulse { wave, follows: Follows::Displacement, sustain_s }, sets_down, ends_m }
+        Segment { pulse: FieldPulse { wave, follows: Follows::Displacement, sustain_s }, sets_down, ends_m, is_clear }
     }
 
     fn problem<'a>(&'a self, parts: &'a Surroundings<'a>, goal: &'a Goal) -> SegmentProblem<'a> {
@@ -308,8 +306,9 @@ impl MovingPlanner {
         Surroundings { parts, discs: parts.iter().map(|part| part.disc).collect(), edges }
     }
 
-    /// The motion that brings the parts' drifts nearest to what their distances ask, and their places at its end.
-    fn drift(&mut self, parts: &[MovingPart]) -> (Motion, Vec<Vec2>) {
+    /// The motion that brings the parts' drifts nearest to what their distances ask, their places at its end, and whether
+    /// it is clear.
+    fn drift(&mut self, parts: &[MovingPart]) -> (Motion, Vec<Vec2>, bool) {
         let around = self.surroundings(parts);
         let wish = self.aims.wish(parts, &self.params, self.period_s());
         let problem = self.problem(&around, &wish.goal);
@@ -336,11 +335,11 @@ impl MovingPlanner {
             }
         }
         let best = problem.constrained(best);
-        let left = wish.left(&best.residual);
+        let (left, is_clear) = (wish.left(&best.residual), problem.is_clear(&best.motion));
         let ends_m = best.rollout.places_at(self.model.basis.steps_a_period());
         self.pool.keep(best.rollout);
         self.aims.learn(wish.is_clipped, left);
-        (best.motion, ends_m)
+        (best.motion, ends_m, is_clear)
     }
 
     /// Motions from which the search starts.
@@ -360,9 +359,9 @@ impl MovingPlanner {
         self.model.seeds.best(&self.model.basis, &places_m, steps, count)
     }
 
-    /// The motion after which the parts rest at their targets, and where they do; `None` where none brings them near
-    /// enough.
-    fn set_down(&self, parts: &[MovingPart]) -> Option<(Motion, Vec<Vec2>)> {
+    /// The motion after which the parts rest at their targets, where they do, and whether it is clear; `None` where none
+    /// brings them near enough.
+    fn set_down(&self, parts: &[MovingPart]) -> Option<(Motion, Vec<Vec2>, bool)> {
         let around = self.surroundings(parts);
         let problem = self.problem(&around, &Goal::Ends);
         let worst_m = parts.iter().map(|part| part.left_m().norm()).fold(0.0, f64::max);
@@ -373,22 +372,23 @@ impl MovingPlanner {
             let steps: Vec<Vec2> = parts.iter().map(|part| part.left_m() - part.drift_mps * ahead_s).collect();
             starts.extend(self.bank(&around.discs, &steps, BANK));
         }
-        let mut best: Option<(f64, Motion, Vec<Vec2>)> = None;
+        let mut best: Option<(f64, Motion, Vec<Vec2>, bool)> = None;
         for start in &starts {
             let shot = problem.improved(problem.shot(start), BANK_ROUNDS);
             let off_m = shot.worst();
             if best.as_ref().is_none_or(|(best_m, ..)| off_m < *best_m) {
-                best = Some((off_m, shot.motion, shot.rollout.ends_m.clone()));
+                let is_clear = problem.is_clear(&shot.motion);
+                best = Some((off_m, shot.motion, shot.rollout.ends_m.clone(), is_clear));
             }
             self.pool.keep(shot.rollout);
             if off_m < 0.5 * SET_DOWN_WITHIN_M {
                 break;
             }
         }
-        let (off_m, motion, ends_m) = best?;
+        let (off_m, motion, ends_m, is_clear) = best?;
         let is_worth_it = off_m < SET_DOWN_WITHIN_M
             || (self.is_resting && off_m < NEARER * worst_m)
             || (self.slow > PATIENCE && off_m < FARTHER * worst_m);
-        is_worth_it.then_some((motion, ends_m))
+        is_worth_it.then_some((motion, ends_m, is_clear))
     }
 }

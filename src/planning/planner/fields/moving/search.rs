@@ -1,7 +1,5 @@
 //! Search for the motion of the next segment: damped least squares as for a pulse from rest, on drifts instead of ends.
 
-use std::ops::Range;
-
 use nalgebra::{DMatrix, DVector};
 
 use super::aims::{CLOSING_PER_S, Goal, MovingPart};
@@ -17,6 +15,14 @@ use upm_core::signal::Envelope;
 const GUARD: f64 = 5.0;
 /// Closing speed per gap that a guard allows, relative to that of the wishes.
 const STRICT: f64 = 1.3;
+/// Missing speed per missing gap, 1/s.
+const RATE: f64 = STRICT * CLOSING_PER_S;
+/// Instants in a period at which the parts' courses are observed.
+const INSTANTS: usize = 16;
+/// Share of the gap to keep that is kept under way, where parts sway: forecasts err by less.
+const KEPT: f64 = 0.5;
+/// Missing gap that nobody sees, m: half of a forecast's error.
+const UNSEEN_M: f64 = 0.15e-3;
 /// Gap of a pair, and distance from the edge, within which it may need a guard, m.
 const NEAR_PAIR_M: f64 = 0.03;
 const NEAR_EDGE_M: f64 = 0.02;
@@ -35,22 +41,41 @@ pub(super) struct SegmentProblem<'a> {
     pub pool: &'a RolloutPool,
 }
 
-/// A pair of parts, or a part and the edge, that end too close or close in too fast.
+/// Something that a part keeps away from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Obstacle {
+    Part(usize),
+    /// A side of the plate, by the unit vector away from it.
+    Side(Vec2),
+}
+
+/// A part and an obstacle that end too close or close in too fast, or come too close under way.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Guard {
     part: usize,
-    other: Option<usize>,
-    /// Unit vector away from the other part or the edge.
+    from: Obstacle,
+    /// Unit vector away from the obstacle.
     normal: Vec2,
+    /// The step before which they are too close under way.
+    pub step: Option<usize>,
     /// Missing speed, m/s, or distance, m.
     pub missing: f64,
 }
 
 impl Guard {
-    /// True for guards of the same pair, or of the same part and side.
-    pub fn is_of(&self, other: &Self) -> bool {
-        let same_side = self.other.is_some() || self.normal.dot(&other.normal) > 0.5;
-        (self.part, self.other) == (other.part, other.other) && same_side
+    /// True for guards of the same gap, at the end or under way within `steps` of each other.
+    pub fn is_of(&self, other: &Self, steps: usize) -> bool {
+        let is_near = match (self.step, other.step) {
+            (Some(a), Some(b)) => a.abs_diff(b) <= steps,
+            (a, b) => a == b,
+        };
+        (self.part, self.from) == (other.part, other.from) && is_near
+    }
+
+    /// The parts whose places count, and the directions along which they do.
+    fn terms(&self) -> impl Iterator<Item = (usize, Vec2)> {
+        let other = if let Obstacle::Part(other) = self.from { Some((other, -self.normal)) } else { None };
+        [(self.part, self.normal)].into_iter().chain(other)
     }
 }
 
@@ -78,8 +103,8 @@ impl SegmentProblem<'_> {
     }
 
     /// The steps that are judged: those of a period after the cross-fade, or of the last segment's decay, too.
-    fn judged(&self) -> Range<usize> {
-        0..2 * self.window()
+    fn judged(&self) -> usize {
+        2 * self.window()
     }
 
     /// The motion `coefficients` as strong as it can be, and its effect.
@@ -92,11 +117,26 @@ impl SegmentProblem<'_> {
         self.effect(Motion::within_limits(self.model, self.edges, coefficients, self.last))
     }
 
-    fn effect(&self, motion: Motion) -> Shot {
+    /// The parts over the first `steps` of `motion`.
+    fn rollout(&self, motion: &Motion, steps: usize) -> Rollout {
         let mut rollout = self.pool.take();
         let plates = [self.last.plate.as_slice(), motion.plate.as_slice()];
         let envelope = Envelope { sustain_s: self.goal.sustain_s(&self.model.envelope), ..self.model.envelope };
-        rollout.run_faded(&self.model.basis, plates, (&envelope, self.judged()), self.discs);
+        rollout.run_faded(&self.model.basis, plates, (&envelope, 0..steps), self.discs);
+        rollout
+    }
+
+    /// True where all gaps are kept until `motion` has faded out, no other one following it, and the parts rest.
+    pub fn is_clear(&self, motion: &Motion) -> bool {
+        let steps = 3 * self.window();
+        let rollout = self.rollout(motion, steps);
+        let is_clear = self.under_way(&rollout, steps, -RATE * UNSEEN_M).is_empty();
+        self.pool.keep(rollout);
+        is_clear
+    }
+
+    fn effect(&self, motion: Motion) -> Shot {
+        let rollout = self.rollout(&motion, self.judged());
         let (residual, guards): (Vec<Vec2>, _) = match self.goal {
             Goal::Drifts { rates, aims_mps } => {
                 let drifts_mps = rollout.drifts_mps(&self.model.basis, self.window());
@@ -126,37 +166,85 @@ impl SegmentProblem<'_> {
         self.guards(&places_m, Some(&drifts_mps), spare)
     }
 
+    /// Guards of the gaps in the segment, before the next one follows.
+    pub fn within(&self, shot: &Shot, spare: f64) -> Vec<Guard> {
+        self.under_way(&shot.rollout, self.window(), spare)
+    }
+
+    /// A guard of each gap that becomes less than it should be up to the step `until`, at the instant when it is least;
+    /// of all with no more than `spare` left.
+    fn under_way(&self, rollout: &Rollout, until: usize, spare: f64) -> Vec<Guard> {
+        let every = self.window() / INSTANTS;
+        let course = (0..=until).step_by(every).zip(rollout.places_m(every));
+        let course: Vec<(usize, Vec<Vec2>)> = course.collect();
+        let least = |(part, from)| {
+            let gaps = course.iter().map(|(step, places_m)| (*step, self.gap(part, from, |part| places_m[part])));
+            let (step, (gap_m, normal)) = gaps.min_by(|(_, (a, _)), (_, (b, _))| a.total_cmp(b))?;
+            let missing = RATE * (self.kept_m(part, from) - gap_m);
+            (step > 0 && missing > -spare).then_some(Guard { part, from, normal, step: Some(step), missing })
+        };
+        self.obstacles().filter_map(least).collect()
+    }
+
+    /// The guard of the same gap as it is in `shot`; `None` where it is wide at the end.
+    pub fn in_shot(&self, guard: &Guard, shot: &Shot) -> Option<Guard> {
+        let &Guard { part, from, step: Some(step), .. } = guard else {
+            return self.gaps(shot, f64::INFINITY).into_iter().find(|gap| gap.is_of(guard, 0));
+        };
+        let places_m = shot.rollout.places_at(step);
+        let (gap_m, normal) = self.gap(part, from, |part| places_m[part]);
+        Some(Guard { normal, missing: RATE * (self.kept_m(part, from) - gap_m), ..*guard })
+    }
+
+    /// The gap to keep under way, m: not more than there is at the beginning.
+    fn kept_m(&self, part: usize, from: Obstacle) -> f64 {
+        let place_m = |part: usize| self.discs[part].position_m;
+        self.gap(part, from, place_m).0.min(KEPT * self.margin_m(part, from))
+    }
+
+    fn obstacles(&self) -> impl Iterator<Item = (usize, Obstacle)> {
+        let sides = [Vec2::x(), -Vec2::x(), Vec2::y(), -Vec2::y()].map(Obstacle::Side);
+        let of_part = move |part| (0..part).map(Obstacle::Part).chain(sides).map(move |from| (part, from));
+        (0..self.parts.len()).flat_map(of_part)
+    }
+
+    /// The gap between a part and an obstacle, m, and the unit vector that widens it.
+    fn gap(&self, part: usize, from: Obstacle, place_m: impl Fn(usize) -> Vec2) -> (f64, Vec2) {
+        let radius_m = self.parts[part].disc.radius_m;
+        match from {
+            Obstacle::Part(other) => {
+                let apart_m = place_m(part) - place_m(other);
+                let distance_m = apart_m.norm();
+                let normal = apart_m / distance_m.max(f64::MIN_POSITIVE);
+                (distance_m - radius_m - self.parts[other].disc.radius_m, normal)
+            }
+            Obstacle::Side(inwards) => (self.params.half_side_m - radius_m + inwards.dot(&place_m(part)), inwards),
+        }
+    }
+
+    /// The gap to keep, m.
+    fn margin_m(&self, part: usize, from: Obstacle) -> f64 {
+        match from {
+            Obstacle::Part(_) => self.params.separation_m,
+            Obstacle::Side(_) => self.parts[part].edge_margin_m(self.params),
+        }
+    }
+
     /// Pairs and edges at `places_m` that are closed in on too fast with these drifts or nearly so, with no more than
     /// `spare` left; without drifts, that are too close.
     fn guards(&self, places_m: &[Vec2], drifts_mps: Option<&[Vec2]>, spare: f64) -> Vec<Guard> {
-        let rate = if drifts_mps.is_some() { STRICT * CLOSING_PER_S } else { 1.0 };
+        let rate = if drifts_mps.is_some() { RATE } else { 1.0 };
         let speed = |part: usize| drifts_mps.map_or(Vec2::zeros(), |drifts| drifts[part]);
-        let mut guards = Vec::new();
-        let mut note = |part: usize, other: Option<usize>, normal: Vec2, gap_m: f64, margin_m: f64| {
-            let relative = speed(part) - other.map_or(Vec2::zeros(), speed);
-            let missing = rate * (margin_m - gap_m) - normal.dot(&relative);
-            if missing > -spare {
-                guards.push(Guard { part, other, normal, missing });
-            }
+        let guard = |(part, from)| {
+            let (gap_m, normal) = self.gap(part, from, |part| places_m[part]);
+            let (near_m, other_mps) = match from {
+                Obstacle::Part(other) => (NEAR_PAIR_M, speed(other)),
+                Obstacle::Side(_) => (NEAR_EDGE_M, Vec2::zeros()),
+            };
+            let missing = rate * (self.margin_m(part, from) - gap_m) - normal.dot(&(speed(part) - other_mps));
+            (gap_m < near_m && missing > -spare).then_some(Guard { part, from, normal, step: None, missing })
         };
-        for (i, (a_m, a)) in places_m.iter().zip(self.parts).enumerate() {
-            for (j, (b_m, b)) in places_m[..i].iter().zip(self.parts).enumerate() {
-                let apart_m = a_m - b_m;
-                let gap_m = apart_m.norm() - a.disc.radius_m - b.disc.radius_m;
-                if let Some(normal) = apart_m.try_normalize(0.0).filter(|_| gap_m < NEAR_PAIR_M) {
-                    note(i, Some(j), normal, gap_m, self.params.separation_m);
-                }
-            }
-            for axis in 0..2 {
-                let gap_m = self.params.half_side_m - a.disc.radius_m - a_m[axis].abs();
-                if gap_m < NEAR_EDGE_M {
-                    let mut normal = Vec2::zeros();
-                    normal[axis] = if a_m[axis] > 0.0 { -1.0 } else { 1.0 };
-                    note(i, None, normal, gap_m, a.edge_margin_m(self.params));
-                }
-            }
-        }
-        guards
+        self.obstacles().filter_map(guard).collect()
     }
 
     /// Improves `shot` in `rounds` rounds.
@@ -197,7 +285,7 @@ impl SegmentProblem<'_> {
         if shot.guards.is_empty() {
             return slopes;
         }
-        let columns = self.guard_columns(&self.gap_slopes(shot), &shot.guards) * GUARD;
+        let columns = self.guard_columns(shot, &self.gap_slopes(shot), &shot.guards) * GUARD;
         let first = slopes.ncols();
         let mut all = slopes.resize_horizontally(first + columns.ncols(), 0.0);
         all.columns_mut(first, columns.ncols()).copy_from(&columns);
@@ -219,26 +307,33 @@ impl SegmentProblem<'_> {
     pub fn gap_slopes(&self, shot: &Shot) -> DMatrix<f64> {
         let basis = &self.model.basis;
         let mut slopes = match self.goal {
-            Goal::Drifts { .. } => {
-                let rates = vec![STRICT * CLOSING_PER_S; self.parts.len()];
-                shot.rollout.drift_slopes(basis, self.window(), &rates)
-            }
+            Goal::Drifts { .. } => shot.rollout.drift_slopes(basis, self.window(), &vec![RATE; self.parts.len()]),
             Goal::Ends => shot.rollout.slopes(basis),
         };
         self.price(&mut slopes);
         slopes
     }
 
-    /// Slopes of each guard, a column for each, from those of the parts.
-    pub fn guard_columns(&self, of_parts: &DMatrix<f64>, guards: &[Guard]) -> DMatrix<f64> {
+    /// Slopes of each guard, a column for each; those of the end from `of_parts`.
+    pub fn guard_columns(&self, shot: &Shot, of_parts: &DMatrix<f64>, guards: &[Guard]) -> DMatrix<f64> {
         let mut columns = DMatrix::zeros(of_parts.nrows(), guards.len());
-        for (mut column, guard) in columns.column_iter_mut().zip(guards) {
-            for axis in 0..2 {
-                column.axpy(guard.normal[axis], &of_parts.column(2 * guard.part + axis), 1.0);
-                if let Some(other) = guard.other {
-                    column.axpy(-guard.normal[axis], &of_parts.column(2 * other + axis), 1.0);
+        let (mut rows, mut columns_of_rows) = (Vec::new(), Vec::new());
+        for (index, guard) in guards.iter().enumerate() {
+            for (part, along) in guard.terms() {
+                if let Some(step) = guard.step {
+                    rows.push((part, step, along));
+                    columns_of_rows.push(index);
+                    continue;
+                }
+                for axis in 0..2 {
+                    columns.column_mut(index).axpy(along[axis], &of_parts.column(2 * part + axis), 1.0);
                 }
             }
+        }
+        let mut slopes = shot.rollout.slopes_along(&self.model.basis, &rows);
+        self.price(&mut slopes);
+        for (index, slopes) in columns_of_rows.into_iter().zip(slopes.column_iter()) {
+            columns.column_mut(index).axpy(RATE, &slopes, 1.0);
         }
         columns
     }

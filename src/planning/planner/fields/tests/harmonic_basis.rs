@@ -53,12 +53,18 @@ proptest! {
 
     /// `Σ by_motion · motion(c) = slopes(by_motion) · c` for every c, for each of eight parts.
     #[test]
-    fn slopes_are_the_transpose_of_motion((harmonics, coefficients) in any_motion(), seed in any::<u64>()) {
+    fn slopes_are_the_transpose_of_motion(
+        (harmonics, coefficients) in any_motion(), seed in any::<u64>(), has_segments in any::<bool>(),
+    ) {
         use rand::RngExt as _;
-        let basis = basis(harmonics);
+        let segments = HarmonicBasis::for_segments(BASE_RADPS, harmonics, HALF_SIDE_M);
+        let basis = if has_segments { segments } else { basis(harmonics) };
+        let mut is_visited = vec![false; basis.samples];
+        basis.phases().take(basis.samples).for_each(|phase| is_visited[phase] = true);
         let mut rng = upm_core::random::Streams::new(seed).stream("slopes");
         let mut any = || SimdF64::from([0; 8].map(|_| rng.random_range(-1.0..1.0)));
-        let mut series = || [(); 3].map(|()| (0..basis.samples).map(|_| any()).collect::<Vec<SimdF64>>());
+        let mut at = |is_visited: &bool| if *is_visited { any() } else { SimdF64::ZERO };
+        let mut series = || [(); 3].map(|()| is_visited.iter().map(&mut at).collect::<Vec<SimdF64>>());
         let (by_velocity, by_displacement) = (series(), series());
         let motion = basis.motion(&coefficients);
         let of = |quantity: fn(&PlateInstant) -> f64| motion.iter().map(quantity).collect::<Vec<f64>>();

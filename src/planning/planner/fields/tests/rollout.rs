@@ -83,7 +83,7 @@ proptest! {
         prop_assert!(on_path < 3e-5 && elsewhere < 0.05 && without_spin < 1e-5, "{on_path} {elsewhere} {without_spin}");
     }
 
-    /// Slopes of places under way are those of the ends of the same steps, less the coasting: by central differences.
+    /// Several rows of a part, and parts of several groups, in one call.
     #[test]
     fn slopes_under_way_are_central_differences(coefficients in motion(8), discs in many_coins(), half in 0.2..0.9f64) {
         let (basis, envelope) = (upm_2_basis().for_paths(), upm_2_envelope(0.1));
@@ -94,20 +94,22 @@ proptest! {
             rollout
         };
         let rollout = run(&coefficients);
-        let step = (half * rollout.steps() as f64) as usize;
-        let normals: Vec<Vec2> = (0..discs.len()).map(|i| Vec2::new((i as f64).cos(), (i as f64).sin())).collect();
-        let slopes = rollout.slopes_at(&basis, step, &normals);
+        let late = (half * rollout.steps() as f64) as usize;
+        let row = |i: usize| (i / 2, if i % 2 == 0 { late / 2 } else { late + i }, Vec2::new((i as f64).cos(), (i as f64).sin()));
+        let rows: Vec<_> = (0..2 * discs.len()).map(row).collect();
+        let slopes = rollout.slopes_along(&basis, &rows);
         let largest = slopes.amax();
         for j in 0..48 {
             let shifted = |by: f64| {
                 let mut changed = coefficients.clone();
                 changed[j] += by;
-                run(&changed).places_at(step)
+                run(&changed)
             };
             let (more, less) = (shifted(1e-5), shifted(-1e-5));
-            for (part, normal) in normals.iter().enumerate() {
-                let difference = (more[part] - less[part]).dot(normal) / 2e-5;
-                prop_assert!((difference - slopes[(j, part)]).abs() < 1e-3 * largest, "{difference} {}", slopes[(j, part)]);
+            for (column, &(part, step, normal)) in rows.iter().enumerate() {
+                let difference = (more.places_at(step)[part] - less.places_at(step)[part]).dot(&normal) / 2e-5;
+                let slope = slopes[(j, column)];
+                prop_assert!((difference - slope).abs() < 1e-3 * largest, "{difference} {slope}");
             }
         }
     }
