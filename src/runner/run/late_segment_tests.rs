@@ -86,7 +86,7 @@ fn run(late_periods: f64) -> String {
     let late = |rig| LateRig { rig, late_periods, began: PlateTime::ZERO, calls: String::new() };
     let (report, rig) = InMemoryRun::new(&job).unwrap().run_on(late).unwrap();
     assert_eq!(report.outcome, Outcome::Completed, "{}: {}", report.reason, rig.calls);
-    assert_eq!(report.collisions, Some(0), "{}", rig.calls);
+    assert_eq!(report.work.collisions, Some(0), "{}", rig.calls);
     rig.calls
 }
 
