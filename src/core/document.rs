@@ -12,4 +12,6 @@ pub use diagnostic::{
 };
 pub use file_kind::Document;
 pub use json_value::pretty;
-pub use read::{MOST_BYTES, parse, parse_and_build, read, reason, schema_of, text_of, text_within};
+pub use read::{
+    MOST_BYTES, parse, parse_and_build, read, read_standard_input, reason, schema_of, text_of, text_within,
+};

@@ -30,6 +30,7 @@ mod paths;
 mod placement;
 mod read;
 mod rig;
+mod rig_changes;
 mod rig_checks;
 mod rig_file;
 mod schema;

@@ -26,6 +26,7 @@ mod movie;
 #[cfg(test)]
 mod moving_stop_tests;
 mod paced;
+mod path_warnings;
 mod planner_selection;
 #[cfg(test)]
 mod recording_tests;
@@ -68,10 +69,10 @@ pub use library::{LibraryOutput, check_places, job_library, library_faults, load
 pub use machine::{maker, maker_of};
 pub use movie::movie;
 pub use paced::PacingStats;
+pub use path_warnings::job_warnings;
 pub use planner_selection::PlannerSelection;
 pub use setup::{RunSetup, TruthInJobOrder, planner_params};
 pub use simulate::{FirstFrame, TruePart, check_simulate, first_frame, simulate};
-pub use tolerance::tolerance_warning;
 pub use upm_planning::planner::Reach;
 pub use upm_sim::OpenLoopTrajectories;
 pub use verify::{Extent, Verification, verify};
@@ -234,7 +235,7 @@ impl Session<'_> {
         }
         let mut report = stats.report(ending(job, Some(setup), finish, wall_time_s));
         report.incidents.recording = options.recording_options.recording.ended_early();
-        report.incidents.warnings = job.warnings.iter().map(ToString::to_string).chain(warning).collect();
+        report.incidents.warnings = job_warnings(job, library).iter().map(ToString::to_string).chain(warning).collect();
         report.pacing = options.real_time.then(|| controls.pacing.report(missed_before));
         report.verdict = verdict(job, &report);
         let reported = folder.write_json(folder::REPORT_FILE, &report);

@@ -25,6 +25,7 @@ mod daemon;
 mod export;
 mod features;
 mod init;
+mod job_changes;
 mod job_list;
 mod locate;
 mod logs;

@@ -20,11 +20,11 @@ fn checked_rig_is_held_against_its_library() {
     assert!(stdout.contains("library of 337 motions"), "{stdout}");
     let none = rig(&folder, "upm-1", |rig| drop(rig.as_object_mut().unwrap().remove("library")));
     assert!(status(&["check", &none], 0).0.contains("no library (`upm calibrate` makes one)"));
-    let copy = rig(&folder, "upm-1", |rig| rig["name"] = json!("upm-1-copy"));
+    let copy = rig(&folder, "upm-2", |rig| rig["library"] = json!(root().join("assets/libraries/upm-1.json")));
     for args in [&["check", &copy][..], &["check", "configs/plus-sign.json", "--rig", &copy]] {
         let (_, stderr) = status(args, 2);
         assert!(stderr.starts_with(&format!("upm: rig {copy}: library: ")), "{stderr}");
-        assert!(stderr.contains("\"upm-1-copy\" (run `upm calibrate` for this rig), found \"upm-1\""), "{stderr}");
+        assert!(stderr.contains("\"upm-2\" (run `upm calibrate` for this rig), found \"upm-1\""), "{stderr}");
         assert_eq!(stderr.lines().count(), 1, "{stderr}");
     }
 }

@@ -31,7 +31,7 @@ fn a_job_goes_in_is_watched_and_shown() {
         let job = file(&served, &rest(name), rig);
         let (stdout, stderr) = served.status(&["submit", &job, "--pace", "max", "--seed", "9", "--watch"], 0);
         let id = stdout.lines().next().unwrap().to_owned();
-        assert!(id.len() == 32 && stderr.is_empty(), "{stdout}{stderr}");
+        assert!(id.len() == 6 && stderr.is_empty(), "{stdout}{stderr}");
         for said in ["running", "completed", &format!("{name} on plate {LEFT}, seed 9: completed"), "plate time"] {
             assert!(stdout.contains(said), "{said}: {stdout}");
         }
@@ -88,8 +88,8 @@ fn faults_are_reported_one_a_line_under_the_file_name() {
 fn a_plate_is_stopped_reset_and_resumed_by_hand() {
     let served = TestDaemon::start();
     let job = file(&served, &moving("endless", 3600.0), Some("upm-2.json"));
-    let (stdout, _) = served.status(&["submit", &job, "--pace", "max"], 0);
-    let id = stdout.trim_end();
+    let queued = json_of(&served.status(&["submit", &job, "--pace", "max", "--json"], 0).0);
+    let id = queued["id"].as_str().unwrap();
     served.until_moving("endless", id);
     let mut watch = served.upm(&["watch", id, "--json"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let (mut watched, mut stdout) = (String::new(), BufReader::new(watch.stdout.take().unwrap()));

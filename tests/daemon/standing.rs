@@ -58,11 +58,11 @@ fn standing_job_gives_way_to_a_submitted_job_and_runs_again() {
     assert!(gave_way["finished_at"].as_str() <= done["started_at"].as_str());
 
     let second = until_it_runs(&served, Some(&first));
+    assert!(served.status(&["show", "last"], 0).0.starts_with("rest on plate "), "the last that a person submitted");
     let (listed, _) = served.status(&["jobs"], 0);
-    let lines: Vec<&str> = listed.lines().collect();
     let is_standing = |line: &&str| line.ends_with("standing (standing job)");
-    assert_eq!((lines.len(), lines.iter().filter(|line| is_standing(line)).count()), (3, 2), "{listed}");
-    assert!(lines[0].starts_with(&second), "{listed}");
+    assert_eq!((listed.lines().count(), listed.lines().filter(is_standing).count()), (3, 2), "{listed}");
+    assert!(second.ends_with(&listed[..6]), "{listed}");
     let (plates, _) = served.status(&["plates"], 0);
     assert!(plates.contains(&format!("standing job {second}")), "{plates}");
 }

@@ -36,8 +36,9 @@ impl Document {
     }
 
     fn is_of(self, value: &Value) -> bool {
-        // the tasks of a job may be a list
-        value.get(self.key()).is_some() || self == Self::Job && value.get("tasks").is_some()
+        let has = |key| value.get(key).is_some();
+        // the tasks of a job may be a list, and a rig may extend another in place of its own motors
+        has(self.key()) || self == Self::Job && has("tasks") || self == Self::Rig && has("extends")
     }
 
     /// The kind's name with its article.

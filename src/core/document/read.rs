@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read};
 use std::path::Path as FilePath;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use schemars::{JsonSchema, schema_for};
 use serde::de::DeserializeOwned;
@@ -41,6 +41,23 @@ fn close(schema: &mut Value) {
     }
 }
 
+/// Standard input, once it was read.
+static STANDARD_INPUT: OnceLock<Vec<u8>> = OnceLock::new();
+
+/// Largest standard input, bytes: more than any file may have.
+const MOST_INPUT_BYTES: u64 = 64 << 20;
+
+/// Reads standard input, which is the file called `-` from then on.
+///
+/// # Errors
+/// Those of reading it.
+pub fn read_standard_input() -> io::Result<()> {
+    let mut bytes = Vec::new();
+    io::stdin().lock().take(MOST_INPUT_BYTES).read_to_end(&mut bytes)?;
+    STANDARD_INPUT.get_or_init(|| bytes);
+    Ok(())
+}
+
 /// The text of the file at `path`, of up to [`MOST_BYTES`], without its byte order mark.
 ///
 /// # Errors
@@ -58,7 +75,10 @@ pub fn text_within(path: &FilePath, most: u64) -> Result<String, Vec<Diagnostic>
         |found: String, allowed: &str| vec![Diagnostic::new(&path.display().to_string(), Path::root(), found, allowed)];
     let mut bytes = Vec::new();
     // one byte more than is allowed, so that endless files end here, too
-    let read = File::open(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes));
+    let read = match STANDARD_INPUT.get().filter(|_| path == FilePath::new("-")) {
+        Some(given) => given.take(most + 1).read_to_end(&mut bytes),
+        None => File::open(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes)),
+    };
     read.map_err(|error| vec![unreadable(path, &error)])?;
     if bytes.len() as u64 > most {
         return Err(fault("a larger file".to_owned(), &format!("up to {} MiB ({most} bytes)", most >> 20)));

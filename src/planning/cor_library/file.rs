@@ -198,7 +198,9 @@ mod tests {
         };
         let paths = |rig: &RigModel| paths_of(rig, "12ab");
         assert_eq!(paths(&rig), [""; 0]);
-        assert_eq!(paths(&RigModel { name: "other".into(), ..rig.clone() }), ["rig"]);
+        let other = RigModel { name: "other".into(), ..rig.clone() };
+        assert_eq!(paths(&other), [""; 0], "what was measured is the same");
+        assert_eq!(paths_of(&RigModel { rest_s: 0.0, ..other }, "34cd"), ["rig"]);
         assert_eq!(paths_of(&rig, "34cd"), ["fingerprint"]);
         assert_eq!(paths(&RigModel { plate_side_m: 0.3, ..rig.clone() }), ["plate_side_mm"]);
         assert_eq!(paths(&RigModel { base_radps: 1.00001 * rig.base_radps, ..rig.clone() }), ["base_hz"]);

@@ -39,15 +39,16 @@ impl Library {
     }
 
     /// All reasons why the library cannot be used on `rig`, whose file has this fingerprint: distances and centres hold
-    /// for one rig and its drive only. A library of a rig with another name is a single fault, since all others follow
-    /// from it.
+    /// for one rig and its drive only. Where the fingerprints are equal, so is all that was measured, whatever the rig
+    /// is called; otherwise the library of a rig with another name is a single fault, since all others follow from it.
     pub fn check_fits(&self, rig: &RigModel, fingerprint: &str) -> Vec<Diagnostic> {
-        if self.rig != rig.name {
+        let is_same = self.fingerprint == fingerprint;
+        if !is_same && self.rig != rig.name {
             let allowed = format!("{:?} (run `upm calibrate` for this rig)", rig.name);
             return vec![Diagnostic::new("", "rig", format!("{:?}", self.rig), allowed)];
         }
         let mut faults = Vec::new();
-        if self.fingerprint != fingerprint {
+        if !is_same {
             let allowed = format!("{fingerprint:?} (the rig's file has changed: run `upm calibrate`)");
             faults.push(Diagnostic::new("", "fingerprint", format!("{:?}", self.fingerprint), allowed));
         }

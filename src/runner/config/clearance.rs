@@ -80,19 +80,25 @@ pub(super) fn check_inside(
     }
 }
 
-/// Reports every disc whose rim is less than `gap_m` from that of an earlier one.
-pub(super) fn check_apart(discs: &[(Vec2, f64, Path)], gap_m: f64, faults: &mut Diagnostics) {
+/// Reports every disc whose rim is less than `gap_m` from that of an earlier one, once for discs of one place in the
+/// file; returns these places.
+pub(super) fn check_apart<'a>(discs: &'a [(Vec2, f64, Path)], gap_m: f64, faults: &mut Diagnostics) -> Vec<&'a Path> {
+    let mut told = Vec::new();
     for (i, (center_m, radius_m, at)) in discs.iter().enumerate() {
         let least_m = |other_radius_m: &f64| radius_m + other_radius_m + gap_m;
         let near = discs
             .iter()
             .take(i)
             .find(|(other_m, other_radius_m, _)| (center_m - other_m).norm() < least_m(other_radius_m) - ROUNDING_M);
-        if let Some((other_m, other_radius_m, other)) = near {
+        if let Some((other_m, other_radius_m, other)) = near
+            && told.last() != Some(&at)
+        {
+            told.push(at);
             let found = format!("{:.3} mm from {other}", mm_from_m((center_m - other_m).norm()));
             faults.push(at, found, apart_allowed(least_m(other_radius_m), gap_m));
         }
     }
+    told
 }
 
 /// Text of the allowed distance between two centres.

@@ -1,75 +1,96 @@
-//! Checks whether parts can follow their paths in phase.
+//! Checks whether parts can follow their paths in phase, or several of them one path.
 
 use super::clearance::{REST_GAP_M, ROUNDING_M, apart_allowed};
 use super::fit::{Pair, TIGHTER};
 use super::part_path::PartPath;
-use upm_core::document::Diagnostics;
+use upm_core::document::{Diagnostics, Path};
 use upm_core::geometry::{Segment, Vec2};
 use upm_core::units::mm_from_m;
 use upm_planning::task::PathParams;
 
-/// Relative difference in length up to which laps count as equal.
-const SAME_LENGTH: f64 = 0.01;
+/// Relative difference in time up to which laps count as equal.
+const SAME_TIME: f64 = 0.01;
 
-/// Reports paths that differ in length, speed or repeat, and parts in phase that would touch.
+/// Reports paths that differ in the time of a lap or in repeat, and parts in phase that would touch.
 pub(super) fn check_in_phase(paths: &[PartPath], radii_m: &[f64], ids: &[String], faults: &mut Diagnostics) {
     let laps: Vec<LoopLap> = paths.iter().map(|path| LoopLap::of(&path.params)).collect();
     let (Some(first), Some(first_lap)) = (paths.first(), laps.first()) else { return };
     let before = faults.len();
-    faults.require(first_lap.length_m > 0.0, &first.shape_at, "a lap of 0 mm", "a lap above 0 mm (in_phase)");
-    for (PartPath { at, shape_at, params, .. }, lap) in
-        paths.iter().zip(&laps).skip(1).filter(|(path, _)| path.at != first.at)
-    {
+    let allowed = "a lap above 0 mm (in_phase)";
+    faults.require(first_lap.length_m > 0.0, &first.shape_at, "a lap of 0 mm", allowed);
+    let first_s = first_lap.length_m / first.params.speed_mps;
+    let mut last = &first.at;
+    for (PartPath { at, shape_at, params, .. }, lap) in paths.iter().zip(&laps) {
+        if std::mem::replace(&mut last, at) == at {
+            continue;
+        }
+        if lap.length_m == 0.0 {
+            faults.require(first_lap.length_m == 0.0, shape_at, "a lap of 0 mm", allowed);
+            continue;
+        }
         let named = format!("of {}, in_phase", first.at);
-        let same = (lap.length_m - first_lap.length_m).abs() <= SAME_LENGTH * first_lap.length_m + ROUNDING_M;
-        let found = format!("a lap of {:.3} mm", mm_from_m(lap.length_m));
-        let allowed = format!("{:.3} mm within 1 % (that {named})", mm_from_m(first_lap.length_m));
-        faults.require(same, shape_at, found, allowed);
-        let [found, allowed] = [params, &first.params].map(|path| mm_from_m(path.speed_mps));
-        let same = (params.speed_mps - first.params.speed_mps).abs() <= 1e-9 * first.params.speed_mps;
-        faults.require(same, at.key("speed_mm_s"), found, format!("{allowed} (that {named})"));
+        let same = (lap.length_m / params.speed_mps - first_s).abs() <= SAME_TIME * first_s;
+        let [found, wanted] = [params.speed_mps, lap.length_m / first_s].map(mm_from_m);
+        let allowed = format!("{wanted:.3} within 1 %, for a lap in {first_s:.3} s (that {named})");
+        faults.require(same || first_s == 0.0, at.key("speed_mm_s"), found, allowed);
         let (found, allowed) = (params.repeat, first.params.repeat);
         faults.require(found == allowed, at.key("repeat"), found, format!("{allowed} (that {named})"));
     }
     if faults.len() == before {
-        check_on_the_way(paths, &laps, radii_m, ids, faults);
+        let (own, others) = meetings(paths, &laps, radii_m, |_| true);
+        report_own(&own, paths, ids, faults);
+        for of_path in others.chunk_by(|a, b| path_of(a, paths) == path_of(b, paths)) {
+            if let Some(meeting) = of_path.first() {
+                meeting.report(paths, ids, faults);
+            }
+        }
     }
 }
 
-/// Reports every path on which two of its parts come too close to each other during the lap, and every path with a part
-/// that comes too close to one of an earlier path.
-fn check_on_the_way(paths: &[PartPath], laps: &[LoopLap], radii_m: &[f64], ids: &[String], faults: &mut Diagnostics) {
-    let meetings = meetings(laps, radii_m);
-    let of = |part: usize| paths.get(part).map(|path| &path.at);
-    let (own, others): (Vec<&LoopMeeting>, Vec<&LoopMeeting>) =
-        meetings.iter().partition(|meeting| of(meeting.pair.parts[0]) == of(meeting.pair.parts[1]));
-    for on_one in own.chunk_by(|a, b| of(a.pair.parts[1]) == of(b.pair.parts[1])) {
+/// Reports every path on which two of its parts come too close to each other while all of its parts hold their speed.
+pub(super) fn check_apart_on_each(paths: &[PartPath], radii_m: &[f64], ids: &[String], faults: &mut Diagnostics) {
+    let laps: Vec<LoopLap> = paths.iter().map(|path| LoopLap::of(&path.params)).collect();
+    let (own, _) = meetings(paths, &laps, radii_m, |[path, other]| path.at == other.at);
+    report_own(&own, paths, ids, faults);
+}
+
+/// Place in the file of the path of a meeting's later part.
+fn path_of<'a>(meeting: &LoopMeeting, paths: &'a [PartPath]) -> Option<&'a Path> {
+    paths.get(meeting.pair.parts[1]).map(|path| &path.at)
+}
+
+/// Reports the tightest of the meetings on each path.
+fn report_own(own: &[LoopMeeting], paths: &[PartPath], ids: &[String], faults: &mut Diagnostics) {
+    for on_one in own.chunk_by(|a, b| path_of(a, paths) == path_of(b, paths)) {
         let tightest = on_one.iter().reduce(|a, b| if b.pair.scale() > a.pair.scale() * TIGHTER { b } else { a });
         if let Some(meeting) = tightest {
             meeting.report(paths, ids, faults);
         }
     }
-    for of_part in others.chunk_by(|a, b| a.pair.parts[1] == b.pair.parts[1]) {
-        if let Some(meeting) = of_part.first() {
-            meeting.report(paths, ids, faults);
-        }
-    }
 }
 
-/// All pairs of parts that come too close, in the order of the later part.
-fn meetings(laps: &[LoopLap], radii_m: &[f64]) -> Vec<LoopMeeting> {
-    let discs: Vec<(&LoopLap, &f64)> = laps.iter().zip(radii_m).collect();
-    let mut meetings = Vec::new();
-    for (i, (lap, radius_m)) in discs.iter().enumerate() {
-        for (k, (other, other_radius_m)) in discs.iter().enumerate().take(i) {
+/// Those pairs of parts on paths that are `asked` for which come too close, in the order of the later part: on one
+/// path, and on two.
+fn meetings(
+    paths: &[PartPath],
+    laps: &[LoopLap],
+    radii_m: &[f64],
+    asked: impl Fn([&PartPath; 2]) -> bool,
+) -> (Vec<LoopMeeting>, Vec<LoopMeeting>) {
+    let discs: Vec<_> = paths.iter().zip(laps).zip(radii_m).collect();
+    let (mut own, mut others) = (Vec::new(), Vec::new());
+    for (i, ((path, lap), radius_m)) in discs.iter().enumerate() {
+        let before = discs.iter().enumerate().take(i);
+        for (k, ((other, other_lap), other_radius_m)) in before.filter(|(_, ((other, _), _))| asked([path, other])) {
             let least_m = *radius_m + *other_radius_m + REST_GAP_M;
-            let (distance_m, share) = lap.nearest_to(other);
+            let (distance_m, share) = lap.nearest_to(other_lap);
             if distance_m < least_m - ROUNDING_M {
-                meetings.push(LoopMeeting { pair: Pair { parts: [k, i], distance_m, least_m }, share });
+                let found = if path.at == other.at { &mut own } else { &mut others };
+                found.push(LoopMeeting { pair: Pair { parts: [k, i], distance_m, least_m }, share });
             }
         }
     }
-    meetings
+    (own, others)
 }
 
 /// Closest approach of two parts in phase.

@@ -164,6 +164,14 @@ impl JobSpec {
         self.earlier.iter().chain([&self.task])
     }
 
+    /// Place in the file of the path that a part follows in one of the tasks.
+    pub(crate) fn path_of(&self, task: usize, part: usize) -> Option<Path> {
+        let (at, section) = self.document.each_task().into_iter().nth(task)?;
+        let TaskSection::Trajectories { paths, .. } = section else { return None };
+        let mut parts = paths.iter().enumerate().flat_map(|(i, path)| std::iter::repeat_n(i, path.count as usize));
+        Some(at.key("paths").index(parts.nth(part)?))
+    }
+
     /// True if the job itself has a library, by its file or written out; its rig may name another.
     pub fn names_library(&self) -> bool {
         self.document.library.is_some()
@@ -177,11 +185,11 @@ impl JobSpec {
     /// Bins of the last sort as in the file; empty without one.
     pub(super) fn bins(&self) -> &[Bin] {
         let tasks = self.document.each_task().into_iter();
-        let of_sorts = tasks.filter_map(|(_, task)| match task {
+        let mut of_sorts = tasks.filter_map(|(_, task)| match task {
             TaskSection::Sort { bins } => Some(bins.as_slice()),
             _ => None,
         });
-        of_sorts.last().unwrap_or_default()
+        of_sorts.next_back().unwrap_or_default()
     }
 
     /// Seed of all random numbers.

@@ -137,7 +137,7 @@ pub(crate) enum TaskSection {
         #[schemars(length(min = 1, max = 64))]
         paths: Vec<PathEntry>,
         /// The parts hold their phase to each other: all are at the same share of their laps at any time. Asks for
-        /// laps of equal length (within 1 %), equal speeds and equal repeats.
+        /// laps that take equal times (length over speed, within 1 %) and for equal repeats.
         #[serde(default)]
         in_phase: bool,
         /// Largest distance from the paths, mm, for the whole course of every pulse.
@@ -188,8 +188,8 @@ pub(crate) struct PathEntry {
     pub(crate) lissajous: Option<LissajousShape>,
     /// Along the one line of an SVG drawing.
     pub(crate) svg: Option<SvgShape>,
-    /// Parts that follow this path, evenly spaced round it; more than one only with `in_phase`. The line back from its
-    /// last point to the first is then a part of it.
+    /// Parts that follow this path, evenly spaced round it. With more than one, the line back from its last point to
+    /// the first is a part of it.
     #[serde(default = "whole::<u32, 1>")]
     #[schemars(range(min = 1, max = 64))]
     pub(crate) count: u32,

@@ -1,13 +1,14 @@
 use std::path::PathBuf;
 
-use serde_json::json;
+use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::kinds::{KindSpec, kinds_of};
 use super::read::Origin;
+use super::rig_changes::{Chain, RigChanges, rebased};
 use super::rig_checks;
 use super::rig_file::{RigFile, RigSource};
-use upm_core::document::{Diagnostic, Diagnostics, Path, one_of, parse_and_build, quoted, text_of};
+use upm_core::document::{Diagnostic, Diagnostics, Path, one_of, parse, parse_and_build, quoted, text_of};
 use upm_core::rig::RigModel;
 use upm_sim::{ContactParams, SimParams};
 
@@ -38,7 +39,37 @@ impl RigSpec {
 
     /// Validates the rig in `text`. Errors list every fault.
     pub fn from_json(text: &str, origin: &Origin) -> Result<Self, Vec<Diagnostic>> {
-        parse_and_build(text, &origin.file, |document, faults| Self::build(document, origin, &Path::root(), faults))
+        let chain = Chain::default().with(origin.file.as_ref()).unwrap_or_default();
+        Self::extended(text, origin, &chain).map(|(rig, _)| rig)
+    }
+
+    /// As [`Self::from_json`], with the rig's whole document: that of the rig which it extends, if it does, with its
+    /// changes. `chain` are the files up to this one.
+    fn extended(text: &str, origin: &Origin, chain: &Chain) -> Result<(Self, String), Vec<Diagnostic>> {
+        let mut whole = text.to_owned();
+        if RigChanges::are_in(text) {
+            let changes: RigChanges = parse(text, &origin.file)?;
+            let base = Self::base(&changes.base(), origin, chain)?;
+            whole = changes.applied_to(base).to_string();
+        }
+        let build = |document, faults: &mut Diagnostics| Self::build(document, origin, &Path::root(), faults);
+        parse_and_build(&whole, &origin.file, build).map(|rig| (rig, whole))
+    }
+
+    /// The whole document of the rig called `named` that the one of `origin` extends.
+    fn base(named: &str, origin: &Origin, chain: &Chain) -> Result<Value, Vec<Diagnostic>> {
+        let at = Path::root().key("extends");
+        let refused = |(found, allowed): (String, String)| vec![Diagnostic::new(&origin.file, &at, found, allowed)];
+        let path = origin.resolve(named);
+        let path = path.ok_or_else(|| refused((quoted(named), "nothing (files cannot be named here)".to_owned())))?;
+        let chain = chain.with(&path).map_err(refused)?;
+        let whole = text_of(&path).and_then(|text| Self::extended(&text, &Origin::of_file(&path), &chain));
+        let by_this = |fault: Diagnostic| match fault.named_by {
+            None => fault.named_by(&format!("{}: {at}", origin.file)),
+            Some(_) => fault,
+        };
+        let (_, whole) = whole.map_err(|faults| faults.into_iter().map(by_this).collect::<Vec<_>>())?;
+        serde_json::from_str(&whole).map_err(|error| vec![Diagnostic::syntax(named, &error)])
     }
 
     /// The shipped weak prototype, without its library, which is a separate file; the rig is compiled into the program.
@@ -74,10 +105,7 @@ impl RigSpec {
 
     /// The same rig as part of a file that calls it `named`: its paths become relative to that file.
     fn rebased_from(mut self, named: &str) -> Self {
-        let folder = std::path::Path::new(named).parent();
-        if let (Some(folder), Some(library)) = (folder, &mut self.document.library) {
-            *library = folder.join(&library).to_string_lossy().into_owned();
-        }
+        self.document.library = self.document.library.map(|library| rebased(&library, named));
         self
     }
 
@@ -98,7 +126,7 @@ impl RigSpec {
 
     /// True if `document`, with defaults written out, equals this rig except for the library it names. A rig without
     /// knocks leaves them to this one.
-    pub(super) fn is_as_in(&self, document: &RigFile) -> bool {
+    pub fn is_as_in(&self, document: &RigFile) -> bool {
         let mut compared = RigFile { library: self.document.library.clone(), ..document.clone() };
         compared.simulation.knocks = compared.simulation.knocks.or_else(|| self.document.simulation.knocks.clone());
         fill_in(&mut compared);

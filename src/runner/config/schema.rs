@@ -3,6 +3,7 @@ use serde_json::{Value, json};
 use super::coins::CoinsFile;
 use super::daemon_file::DaemonFile;
 use super::job_file::JobFile;
+use super::rig_changes::RigChanges;
 use super::rig_file::RigFile;
 use super::simulate::ExperimentFile;
 use upm_core::document::schema_of;
@@ -16,9 +17,10 @@ pub fn schema_names() -> &'static [&'static str] {
 
 /// The JSON Schema (draft 2020-12) of the file called `name`; `None` for other names.
 pub fn schema(name: &str) -> Option<Value> {
+    let rig_schema = &rig_schema();
     let mut schema = match name {
         "job" => schema_of::<JobFile>(),
-        "rig" => schema_of::<RigFile>(),
+        "rig" => rig_schema,
         "simulate" => schema_of::<ExperimentFile>(),
         "library" => schema_of::<Library>(),
         "trace" => schema_of::<RecordedPulse>(),
@@ -28,12 +30,22 @@ pub fn schema(name: &str) -> Option<Value> {
     }
     .clone();
     let about = "Path or address of this file's schema, for editors. Nothing else reads it.";
-    for file in ["", "/$defs/RigFile", "/$defs/Library"] {
-        if let Some(file) = schema.pointer_mut(file) {
+    for file in ["", "/$defs/RigFile", "/$defs/Library", "/anyOf/0", "/anyOf/1"] {
+        if let Some(file) = schema.pointer_mut(file).filter(|file| file["properties"].is_object()) {
             file["properties"]["$schema"] = json!({ "description": about, "type": "string" });
         }
     }
     Some(schema)
+}
+
+/// The schema of a rig's file: a whole rig, or one that extends another.
+fn rig_schema() -> Value {
+    let mut forms = [schema_of::<RigFile>(), schema_of::<RigChanges>()].map(Clone::clone);
+    let mut take = |key: &str| forms.each_mut().map(|form| form.as_object_mut()?.remove(key))[0].take();
+    let mut schema = json!({ "title": "rig", "$schema": take("$schema"), "$defs": take("$defs") });
+    schema["description"] = forms[0]["description"].clone();
+    schema["anyOf"] = json!(forms);
+    schema
 }
 
 #[cfg(test)]
@@ -47,7 +59,8 @@ mod tests {
         assert_eq!(schemas.len(), Document::ALL.len());
         for document in Document::ALL {
             let has = |schema: &&Value| schema["properties"].get(document.key()).is_some();
-            let having: Vec<&Value> = schemas.iter().filter(has).collect();
+            let schemas = schemas.iter().map(|schema| schema.pointer("/anyOf/0").unwrap_or(schema));
+            let having: Vec<&Value> = schemas.filter(has).collect();
             assert_eq!(having.len(), 1, "{document:?}");
             let is_required = having[0]["required"].as_array().unwrap().iter().any(|key| key == document.key());
             // the tasks of a job may be a list in its place

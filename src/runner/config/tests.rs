@@ -6,6 +6,7 @@ mod many;
 mod mutation;
 mod placing;
 mod refusals;
+mod rig_changes;
 mod rigs;
 mod shapes;
 mod simulate;

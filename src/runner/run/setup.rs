@@ -19,7 +19,7 @@ use upm_sim::SimRig;
 use upm_sim::faults::FaultSpec;
 
 /// Longest step of a part in one cycle, m.
-const LONGEST_STEP_M: f64 = 8e-3;
+pub(super) const LONGEST_STEP_M: f64 = 8e-3;
 /// Longest step of a part, as a share of the reach of the strong entries at the plate's centre.
 const ONE_PULSE: f64 = 0.9;
 /// Share of the tolerance within which a part must be measured to have arrived; the rest allows for the measurement
@@ -28,7 +28,7 @@ pub(super) const MEASURED_SHARE: f64 = 0.9;
 /// Twice the least step that is worth a pulse, m.
 pub(super) const MIN_DISTANCE_M: f64 = 0.3e-3;
 /// Largest lead of a part's reference, m.
-const LEAD_M: f64 = 4e-3;
+pub(super) const LEAD_M: f64 = 4e-3;
 /// Time at rest without a detection after which a part is lost, s.
 const LOST_AFTER_S: f64 = 0.4;
 

@@ -62,7 +62,7 @@ fn scatter_m(model: &DisplacementModel) -> f64 {
 
 /// Warning, in the form of a fault, for a job whose tolerance is finer than it can hold. The job stays valid: a run may
 /// reach its goal by luck, and ends where it makes no progress.
-pub fn tolerance_warning(job: &JobSpec, library: &Library) -> Option<Diagnostic> {
+pub(super) fn tolerance_warning(job: &JobSpec, library: &Library) -> Option<Diagnostic> {
     let finest_mm = (100.0 * mm_from_m(finest_tolerance_m(job, library)?)).ceil() / 100.0;
     let found_mm = mm_from_m(job.tolerance_m);
     (found_mm < finest_mm - 1e-9).then(|| {

@@ -11,7 +11,7 @@ use crate::http::Problem;
 use crate::store::{Job, Pace, SubmitOutcome, low_disk};
 use crate::supervisor::PlateHandle;
 use upm_core::files::free_bytes;
-use upm_runner::config::{Diagnostic, JobLayout, PlateSpec};
+use upm_runner::config::{Diagnostic, JobLayout, PlateSpec, RigFile};
 
 /// `Retry-After` for a full queue, s. A guess, chosen to keep retries cheap.
 const FULL_RETRY_S: u32 = 5;
@@ -45,7 +45,7 @@ impl DaemonState {
         }
         let plate = self.plate_of(text)?;
         let job = plate.rules.validated(text, pace.unwrap_or(self.spec.pace));
-        let mut job = job.map_err(Problem::of_document)?;
+        let mut job = job.map_err(|faults| self.refused(text, faults))?;
         self.is_accepting(plate)?;
         (job.row.body_sha256, job.row.key) = (body_sha256, key);
         let accepted = self.store.accept(&job, is_awaited)?.ok_or_else(unheard)?;
@@ -58,7 +58,7 @@ impl DaemonState {
     /// Checks a job as for queueing, regardless of the state of its plate. Takes milliseconds.
     pub(super) fn check(&self, text: &str) -> Result<Checked, Problem> {
         let plate = self.plate_of(text)?;
-        let job = plate.rules.checked(text).map_err(Problem::of_document)?;
+        let job = plate.rules.checked(text).map_err(|faults| self.refused(text, faults))?;
         Ok(Checked { name: job.name.clone(), plate: plate.name().to_owned(), layout: JobLayout::of(&job) })
     }
 
@@ -78,6 +78,19 @@ impl DaemonState {
         let fitting = default.and_then(|name| self.spec.plate(name)).filter(has_rig).or_else(of_rig);
         let name = fitting.map(|plate| plate.name.as_str()).or(default);
         name.and_then(|name| self.plates.get(name)).ok_or_else(|| self.unaddressed("nothing"))
+    }
+
+    /// The refusal of a job for these faults; that of a rig names the plate that has it.
+    fn refused(&self, text: &str, mut faults: Vec<Diagnostic>) -> Problem {
+        if let [Diagnostic { path, expected, .. }] = &mut faults[..]
+            && *path == "rig"
+            && let Ok(job) = serde_json::from_str::<Value>(text.trim_start_matches('\u{feff}'))
+            && let Ok(rig) = serde_json::from_value::<RigFile>(job["rig"].clone())
+            && let Some(other) = self.spec.plates.iter().find(|plate| plate.rig.is_as_in(&rig))
+        {
+            *expected += &format!(" (plate {} has that rig)", other.name);
+        }
+        Problem::of_document(faults)
     }
 
     fn unaddressed(&self, found: &str) -> Problem {

@@ -9,7 +9,7 @@ use super::batch::Seeds;
 #[cfg(feature = "daemon")]
 use super::client_args::ClientCommand;
 use super::features::{HELP, VERSION};
-use super::run_args::{ExportArgs, RunFolderArgs, pace};
+use super::run_args::{ExportArgs, JobChanges, RunFolderArgs, pace};
 use upm_core::job::{CameraMode, Pace};
 use upm_recording::RerunMode;
 use upm_runner::config::schema_names;
@@ -108,9 +108,11 @@ fn cameras() -> impl TypedValueParser<Value = CameraMode> {
 /// `upm run`.
 #[derive(Args, Debug)]
 pub struct RunArgs {
-    /// Job file; left out, the jobs in `configs` and here are listed
+    /// Job file, - for standard input; left out, the jobs in `configs` and here are listed
     #[arg(value_name = "JOB.json")]
     pub job: Option<PathBuf>,
+    #[command(flatten)]
+    pub changes: JobChanges,
     /// Seed in place of the job's
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
@@ -283,7 +285,7 @@ pub struct SimulateArgs {
                   --camera positions. All their figures are predictions. Exit status 1 when most dry runs fail."
 )]
 pub struct CheckArgs {
-    /// Files to validate: jobs, rigs, daemons, experiments, COR libraries, traces, coins
+    /// Files to validate: jobs, rigs, daemons, experiments, COR libraries, traces, coins; - for standard input
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<PathBuf>,
     /// Rig to check jobs on in place of their own, and that libraries must have been measured on

@@ -2,11 +2,12 @@ mod coverage;
 mod plan;
 mod plan_picture;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
 use super::args::{CheckArgs, Common};
+use super::job_changes::read_dash;
 use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
 use super::progress::LateProgress;
 use plan::PlanReport;
@@ -14,8 +15,7 @@ use upm_chart::Chart;
 use upm_planning::cor_library::Library;
 use upm_runner::config::{self, DaemonSpec, Diagnostic, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec, text_of};
 use upm_runner::run::{
-    Coverage, PlannerSelection, check_places, check_simulate, job_library, library_faults, load_library,
-    tolerance_warning,
+    Coverage, PlannerSelection, check_places, check_simulate, job_library, job_warnings, library_faults, load_library,
 };
 use upm_viewer::RerunSink;
 
@@ -25,7 +25,8 @@ pub(super) struct ValidFile {
     says: String,
     /// Coverage of a library, or the forecast of a job, if requested.
     report: Option<FileReport>,
-    /// Warnings of drawings, and of tolerances tighter than the rig can hold. A job with warnings is valid.
+    /// Warnings of drawings, and of tolerances, speeds and limits that the rig cannot hold. A job with warnings is
+    /// valid.
     warnings: Vec<String>,
 }
 
@@ -53,6 +54,7 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
     if let Some(path) = &args.picture {
         check_picture_name(path, args.files.len())?;
     }
+    read_dash(args.files.iter().map(PathBuf::as_path))?;
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::of_files)?;
     let results: Vec<(&Path, CheckResult)> =
         args.files.iter().map(|path| (path.as_path(), check_file(path, rig.as_ref(), args.plan, common))).collect();
@@ -198,7 +200,7 @@ fn check_job(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Commo
         let (chart, is_failure) = (plan_picture::plan_chart(&plan), plan.verdict().is_failure());
         report = Some(FileReport { key: "plan", lines: plan.lines(), json: plan.json(), chart, is_failure });
     }
-    let warnings = lines(job.warnings.iter().cloned().chain(tolerance_warning(&job, &library)).collect());
+    let warnings = lines(job_warnings(&job, &library));
     Ok(ValidFile { says, report, warnings })
 }
 

@@ -10,7 +10,7 @@ use upm_server::states::JobState;
 /// Commands sent to a daemon.
 #[derive(Subcommand, Debug)]
 pub enum ClientCommand {
-    /// Daemon: queue a job; prints its id
+    /// Daemon: queue a job; prints the end of its id
     Submit(SubmitArgs),
     /// Daemon: list jobs, newest first
     Jobs(JobsArgs),
@@ -89,7 +89,8 @@ pub struct JobsArgs {
 /// Commands on one job.
 #[derive(Args, Debug)]
 pub struct JobArgs {
-    /// Id of the job, as `upm submit` and `upm jobs` print it, a unique prefix of one, or last
+    /// Id of the job, as `upm submit` and `upm jobs` print it; more or fewer digits of its beginning or ending will do,
+    /// while they are unique. Or the job's name, for the newest of that name, or last, for the last that was submitted
     #[arg(value_name = "ID")]
     pub id: String,
     #[command(flatten)]

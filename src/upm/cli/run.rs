@@ -1,17 +1,17 @@
 use std::path::Path;
 
 use super::args::{Common, RunArgs};
-use super::job_list;
 use super::output::{Failure, INTERRUPTED, NOT_REACHED, check_ending, print_json, stop_on_interrupt};
 use super::progress::RunProgress;
 use super::shipped::is_shipped;
 use super::summary::print_summary;
+use super::{job_changes, job_list};
 use upm_control::Sink;
 use upm_core::job::{CameraMode, Outcome, Pace};
 use upm_core::time::MonotonicClock;
 use upm_recording::{Fanout, RecordingOptions, Report, Verdict};
 use upm_runner::config::{Diagnostic, DiagnosticClass, JobSpec};
-use upm_runner::run::{self, PacingStats, RunError, RunOptions, job_library};
+use upm_runner::run::{self, PacingStats, RunError, RunOptions, job_library, job_warnings};
 use upm_viewer::USUAL_MODE;
 
 /// Default folder for run folders.
@@ -28,6 +28,8 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     }
     let job = load_job(file, args)?;
     let library = job_library(&job).map_err(Failure::faults)?;
+    let warnings: Vec<String> = job_warnings(&job, &library).iter().map(ToString::to_string).collect();
+    warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     let mut movie =
         args.movie.as_deref().map(|path| run::movie(&job, path)).transpose().map_err(|e| run_failure(&e))?;
     let clock = MonotonicClock::new();
@@ -47,7 +49,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let result = run::run(&job, library, &options, &clock, &stop, &pacing, &mut sinks);
     progress.finish();
     let result = result.map_err(|error| run_failure(&error))?;
-    for warning in &result.report.incidents.warnings {
+    for warning in result.report.incidents.warnings.iter().filter(|warning| !warnings.contains(warning)) {
         tracing::warn!("{warning}");
     }
     if common.json {
@@ -63,7 +65,9 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
 
 /// The job in `file` with the changes of the command line.
 pub(super) fn load_job(file: &Path, args: &RunArgs) -> Result<JobSpec, Failure> {
-    let mut job = JobSpec::load(file).map_err(|faults| read_failed(file, faults))?;
+    job_changes::read_dash([file])?;
+    let job = job_changes::load(file, &args.changes)?;
+    let mut job = job.map_err(|faults| read_failed(file, faults))?;
     if let Some(seed) = args.seed {
         job = job.with_seed(seed);
     }

@@ -7,6 +7,20 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use upm_core::job::Pace;
 
+/// Changes of a job for one run.
+#[derive(Args, Debug, Default)]
+pub struct JobChanges {
+    /// Planner in place of the job's
+    #[arg(long, value_name = "NAME", requires = "job")]
+    pub planner: Option<String>,
+    /// Rig in place of the job's
+    #[arg(long, value_name = "RIG.json", requires = "job")]
+    pub rig: Option<PathBuf>,
+    /// Value in place of the job's, as limits.plate_time_s=30 or parts[0].count=6; several by --set again
+    #[arg(long, value_name = "KEY=VALUE", requires = "job")]
+    pub set: Vec<String>,
+}
+
 /// Arguments of a command on a run folder.
 #[derive(Args, Debug)]
 pub struct RunFolderArgs {

@@ -14,6 +14,7 @@ use super::value_of;
 use crate::config::coins::coins_of;
 use crate::config::daemon_file::DaemonFile;
 use crate::config::read::{BASE_PATH_PATTERN, NAME_PATTERN, PLAIN_NAME_PATTERN};
+use crate::config::rig_changes::RigChanges;
 use crate::config::simulate::ExperimentFile;
 use crate::config::{Diagnostic, JobFile, RigFile, schema, schema_names};
 use upm_core::document::parse;
@@ -162,7 +163,12 @@ fn kind(name: &str) -> (Vec<Value>, fn(&str) -> Read) {
             let names = ["letters-16.json", "sort-12.json", "ballet-8.json", "bowtie-3.json", "trajectories.json"];
             (names.map(|name| whole(name, "rigs/upm-2.json")).to_vec(), form::<JobFile>)
         }
-        "rig" => (vec![rig()], form::<RigFile>),
+        "rig" => {
+            let changes = || value_of("rigs/upm-2-evening.json");
+            let read =
+                |text: &str| if RigChanges::are_in(text) { form::<RigChanges>(text) } else { form::<RigFile>(text) };
+            (vec![rig(), changes()], read)
+        }
         "simulate" => (vec![experiment()], form::<ExperimentFile>),
         "library" => {
             let mut library = value_of("../assets/libraries/upm-2.json");

@@ -102,8 +102,11 @@ fn job_may_repeat_its_plates_rig_but_name_no_other() {
         let made = job(rig).unwrap();
         assert_eq!((&made.rig, made.library.is_some()), (strong, true));
     }
-    let other = value_of("rigs/upm-2-evening.json");
-    assert_eq!(job(other).unwrap_err(), ["rig: expected the rig of plate upm-2, or nothing, found another rig"]);
+    let evening = &spec.plate("upm-2-evening").unwrap().rig.document;
+    assert_eq!(
+        job(json!(evening)).unwrap_err(),
+        ["rig: expected the rig of plate upm-2, or nothing, found another rig"]
+    );
     let mut nearly = value_of("rigs/upm-2.json");
     set(&mut nearly, "/plate/mass_kg", json!(1.000_000_000_000_000_2));
     assert_eq!(job(nearly).unwrap_err().len(), 1);

@@ -3,6 +3,7 @@
 use tokio::time::timeout;
 
 use super::*;
+use upm_runner::config::RigSpec;
 
 const ENDLESS: &str = r#"{"plate": "upm-1", "name": "rest", "parts": [{"kind": "penny"}, {"kind": "dime", "count": 2}],
     "task": {"type": "hold"}}"#;
@@ -22,6 +23,11 @@ fn a_job_goes_where_it_asks_to_or_where_its_rig_is() {
     let rig = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/rigs/upm-1.json");
     let rig = std::fs::read_to_string(rig).unwrap();
     assert_eq!(goes_to(&unplaced.replacen('{', &format!(r#"{{"rig": {rig}, "#), 1)), "upm-1");
+    let evening = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/rigs/upm-2-evening.json");
+    let evening = serde_json::to_string(&RigSpec::load(&evening).unwrap().document).unwrap();
+    let elsewhere = api.post("/v1/jobs", &unplaced.replacen('{', &format!(r#"{{"rig": {evening}, "#), 1)).json();
+    let allowed = "the rig of the plate, or nothing (plate upm-2-evening has that rig)";
+    assert_eq!(elsewhere["faults"][0]["allowed"], allowed, "{elsewhere}");
     let nowhere = api.post("/v1/jobs", &REST.replace("upm-1", "upm-3"));
     let fault = serde_json::json!(
         [{"path": "plate", "found": "\"upm-3\"", "allowed": "one of upm-1, upm-2, upm-2-evening"}]

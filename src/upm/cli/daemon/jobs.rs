@@ -1,5 +1,5 @@
 use super::client::{Client, job_path, on_one_line};
-use super::job_id::job_id;
+use super::job_id::{job_id, short_id};
 use crate::cli::args::Common;
 use crate::cli::client_args::{JobArgs, JobsArgs, PlatesArgs};
 use crate::cli::output::{Failure, print};
@@ -15,7 +15,8 @@ pub(super) fn jobs(args: &JobsArgs, common: Common) -> Result<u8, Failure> {
     let most = if args.all { u32::MAX } else { args.limit };
     let page = client.jobs(args.state.as_deref(), most)?;
     print(common.json, &page, || {
-        page.jobs.iter().try_for_each(print_line)?;
+        let ids: Vec<String> = page.jobs.iter().map(|job| job.id.to_string()).collect();
+        page.jobs.iter().zip(&ids).try_for_each(|(job, id)| print_line(job, &short_id(id, &ids)))?;
         if page.next.is_some() && !common.quiet {
             errln!("upm: there are more: --limit N, or --all");
         }
@@ -23,8 +24,8 @@ pub(super) fn jobs(args: &JobsArgs, common: Common) -> Result<u8, Failure> {
     })
 }
 
-fn print_line(job: &Job) -> Result<(), Failure> {
-    let Job { id, name, plate, submitted_at, .. } = job;
+fn print_line(job: &Job, id: &str) -> Result<(), Failure> {
+    let Job { name, plate, submitted_at, .. } = job;
     let (state, percent) = (job.state.code(), 100.0 * job.progress);
     let standing = if job.standing { " (standing job)" } else { "" };
     let line = format!("{id}  {state:11} {percent:3.0} %  {}  {plate:16} {name}{standing}", seconds(submitted_at));

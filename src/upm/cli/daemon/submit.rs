@@ -1,6 +1,7 @@
 use std::path::Path;
 
 use super::client::{Client, ClientRefusal};
+use super::job_id::short_id;
 use super::watch;
 use crate::cli::args::Common;
 use crate::cli::client_args::SubmitArgs;
@@ -30,7 +31,7 @@ pub(super) fn submit(args: &SubmitArgs, common: Common) -> Result<u8, Failure> {
     match (common.json, args.watch) {
         (true, true) => outln!("{}", serde_json::to_string(&queued).unwrap_or_default())?,
         (true, false) => print_json(&queued)?,
-        (false, _) => outln!("{}", queued.id)?,
+        (false, _) => outln!("{}", short_id(&queued.id.to_string(), &[]))?,
     }
     if args.watch { watch::follow(&client, &queued.id.to_string(), Some(0), common) } else { Ok(0) }
 }

@@ -1,0 +1,159 @@
+//! Warnings about paths that ask for more speed or time than there is.
+
+use std::f64::consts::TAU;
+
+use super::planner_selection::PlannerSelection;
+use super::setup::{LEAD_M, LONGEST_STEP_M};
+use super::tolerance::tolerance_warning;
+use crate::config::{Diagnostic, JobSpec, TaskSpec};
+use upm_core::geometry::Polyline;
+use upm_core::rig::RigModel;
+use upm_core::units::mm_from_m;
+use upm_planning::cor_library::Library;
+use upm_planning::planner::PlanningMethod;
+use upm_planning::task::PathParams;
+
+/// Share of the rest after the longest pulse that comes after every pulse.
+const LEAST_REST: f64 = 0.5;
+/// Segments of motions without pauses last this many periods of the fields.
+const SEGMENT_PERIODS: f64 = 2.0;
+
+/// Warnings, in the form of faults, of a valid job: a run may reach its goal by luck, later, or in part.
+pub fn job_warnings(job: &JobSpec, library: &Library) -> Vec<Diagnostic> {
+    let mut warnings = job.warnings.clone();
+    warnings.extend(tolerance_warning(job, library));
+    warnings.extend(job.each_task().enumerate().filter_map(|(i, task)| speed_warning(job, i, task, library)));
+    warnings.extend(time_warning(job));
+    warnings
+}
+
+fn speed_warning(job: &JobSpec, number: usize, task: &TaskSpec, library: &Library) -> Option<Diagnostic> {
+    let TaskSpec::Trajectories { paths, .. } = task else { return None };
+    let planner = PlannerSelection::of(job);
+    let most_mps = most_speed_mps(planner.method, &job.rig.model, library)?;
+    let moving = paths.iter().enumerate().filter(|(_, path)| path.waypoints_m.len() > 1);
+    let (part, fastest) = moving.reduce(|a, b| if b.1.speed_mps > a.1.speed_mps { b } else { a })?;
+    let at = job.path_of(number, part)?.key("speed_mm_s");
+    (fastest.speed_mps > most_mps).then(|| {
+        let found = format!("{}, which no motion of the rig can hold", mm_from_m(fastest.speed_mps));
+        let most_mm_s = mm_from_m(most_mps).floor();
+        let allowed =
+            format!("less than {most_mm_s} with {} (`upm check --plan` finds what can be held)", planner.report.name);
+        Diagnostic::new(&job.file, at, found, allowed)
+    })
+}
+
+/// A speed along paths that no motion of the rig exceeds, m/s: the longest step of a cycle over the shortest cycle. For
+/// motions without pauses, the way to the farthest point of a path that is aimed at over the length of a segment.
+fn most_speed_mps(method: PlanningMethod, model: &RigModel, library: &Library) -> Option<f64> {
+    let cycle_s = |attack_s: f64, rest_s: f64| 2.0 * attack_s + rest_s + 1.0 / model.frame_hz;
+    Some(match method {
+        PlanningMethod::MovingField => (LONGEST_STEP_M + LEAD_M) * model.fields?.base_radps / (SEGMENT_PERIODS * TAU),
+        PlanningMethod::SynthesizedField => {
+            let fields = model.fields?;
+            LONGEST_STEP_M / cycle_s(fields.attack_s, fields.rest_s)
+        }
+        PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => {
+            let table = &library.displacement;
+            let of_pulse = |(&sustain_s, &distance_m): (&f64, &f64)| {
+                distance_m / (2.0 * model.attack_s + sustain_s + LEAST_REST * model.rest_s)
+            };
+            let pulses = table.distance_m.iter().flat_map(|row| table.sustain_s.iter().zip(row));
+            let fastest_mps = pulses.map(of_pulse).fold(0.0, f64::max);
+            fastest_mps.min(LONGEST_STEP_M / cycle_s(model.attack_s, LEAST_REST * model.rest_s))
+        }
+    })
+}
+
+fn time_warning(job: &JobSpec) -> Option<Diagnostic> {
+    let time_s = |task: &TaskSpec| match task {
+        TaskSpec::Trajectories { paths, in_phase, .. } => {
+            paths.iter().map(|path| length_m(path, *in_phase) / path.speed_mps).fold(0.0, f64::max)
+        }
+        _ => 0.0,
+    };
+    let all_s = f64::from(job.repeat) * job.each_task().map(time_s).sum::<f64>();
+    (all_s > job.plate_time_limit_s).then(|| {
+        let found = format!("{}, which ends before the paths", job.plate_time_limit_s);
+        let allowed = format!("more than {all_s:.1}, which the paths take at the speed asked");
+        Diagnostic::new(&job.file, "limits.plate_time_s", found, allowed)
+    })
+}
+
+/// Length of all laps of a path, m; 0 for an endless one.
+fn length_m(path: &PathParams, in_phase: bool) -> f64 {
+    let Some(laps) = path.repeat.checked_sub(1) else { return 0.0 };
+    let mut corners_m = path.waypoints_m.clone();
+    let once_m = Polyline::new(corners_m.clone()).length_m();
+    corners_m.extend(corners_m.first().copied());
+    let lap_m = Polyline::new(corners_m).length_m();
+    f64::from(laps) * lap_m + if in_phase { lap_m } else { once_m }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::config::Origin;
+    use crate::run::job_library;
+
+    /// Warnings of pennies on these paths of `upm-2`.
+    fn warned(planner: &str, paths: &Value, in_phase: bool, plate_time_s: f64) -> Vec<String> {
+        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
+        let count = |path: &Value| path["count"].as_u64().unwrap_or(1);
+        let pennies: u64 = paths.as_array().unwrap().iter().map(count).sum();
+        let job = json!({
+            "name": "paths", "rig": "rigs/upm-2.json", "parts": [{"kind": "penny", "count": pennies}],
+            "task": {"type": "trajectories", "paths": paths, "in_phase": in_phase},
+            "planner": planner, "limits": {"plate_time_s": plate_time_s},
+        });
+        let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(&file), None).unwrap();
+        let warnings = job_warnings(&job, &job_library(&job).unwrap());
+        warnings.iter().map(|warning| format!("{}: {}", warning.path, warning.expected)).collect()
+    }
+
+    #[test]
+    fn speeds_beyond_every_motion_are_told_with_the_path() {
+        let planners = ["cor_sequence", "pseudo_inverse", "synthesized_field", "moving_field"];
+        for planner in planners {
+            let ring = |speed: f64| json!({"circle": {"radius_mm": 80}, "count": 3, "speed_mm_s": speed});
+            let inner = |speed: f64| json!({"circle": {"radius_mm": 20}, "speed_mm_s": speed});
+            assert_eq!(warned(planner, &json!([ring(12.0), inner(3.0)]), false, 600.0), [""; 0], "{planner}");
+            let fast = warned(planner, &json!([ring(12.0), inner(1000.0)]), false, 600.0);
+            assert!(fast.len() == 1 && fast[0].starts_with("task.paths[1].speed_mm_s: less than "), "{fast:?}");
+            assert!(fast[0].contains(&format!("with {planner} ")), "{fast:?}");
+        }
+        let ring = json!([{"circle": {"radius_mm": 80}, "count": 8, "speed_mm_s": 200}]);
+        assert_eq!(warned("synthesized_field", &ring, true, 600.0).len(), 1, "the parts are carried at about 20 mm/s");
+    }
+
+    #[test]
+    fn limit_shorter_than_the_paths_is_told_with_their_time() {
+        // there and back, then there: 300 mm at 10 mm/s
+        let line = |repeat: u32| json!([{"waypoints_mm": [[-50, 0], [50, 0]], "speed_mm_s": 10, "repeat": repeat}]);
+        let told = ["limits.plate_time_s: more than 30.0, which the paths take at the speed asked"];
+        assert_eq!(warned("auto", &line(2), false, 29.0), told);
+        assert_eq!(warned("auto", &line(2), false, 31.0), [""; 0]);
+        assert_eq!(warned("auto", &line(2), true, 39.0).len(), 1, "in phase the last pass goes back, too");
+        assert_eq!(warned("auto", &line(0), false, 1.0), [""; 0]);
+    }
+
+    #[test]
+    fn tasks_of_a_list_are_told_apart_and_their_times_added() {
+        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
+        let line = |speed: f64| json!({"waypoints_mm": [[-50, 0], [50, 0]], "speed_mm_s": speed});
+        let task = |speed: f64| json!({"type": "trajectories", "paths": [line(speed)]});
+        let job = json!({
+            "name": "two", "rig": "rigs/upm-2.json", "parts": [{"kind": "penny"}],
+            "tasks": [task(10.0), task(500.0)], "repeat": 3, "limits": {"plate_time_s": 30},
+        });
+        let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(&file), None).unwrap();
+        let warnings = job_warnings(&job, &job_library(&job).unwrap());
+        let told: Vec<&str> = warnings.iter().map(|warning| warning.path.as_str()).collect();
+        assert_eq!(told, ["tasks[1].paths[0].speed_mm_s", "limits.plate_time_s"]);
+        assert!(warnings[1].expected.starts_with("more than 30.6, "), "{}", warnings[1]);
+    }
+}
