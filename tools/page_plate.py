@@ -65,7 +65,7 @@ def check_sights(checks, page, daemon):
     end_all(checks, daemon, "upm-2")
     daemon.submit(job("ballet-8", "upm-2"))
     checks.soon("another dances", lambda: state(page, "upm-2") == "running", 10)
-    one.locator(".job-name").click()
+    one.locator(".job-name:visible").click()
     checks.soon("that it does so without a pause, is told", lambda: "a pause" in page.locator(".watched .cycle").inner_text(), 20)
     checks.soon("and its way is drawn", lambda: one.locator(".steps").get_attribute("d"))
     end_all(checks, daemon, "upm-2")
