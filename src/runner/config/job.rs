@@ -1,5 +1,3 @@
-use std::f64::consts::TAU;
-
 use serde_json::Value;
 
 use super::clearance;
@@ -7,13 +5,14 @@ use super::drawings;
 use super::faults::{self, FaultList, fault_entry};
 use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PlannerChoice, TaskSection};
 use super::kinds::{KindSpec, PartGroup, each_kind};
+use super::planner_checks::check_planner;
 use super::read::{NAMES, Origin, is_name};
 use super::rig::RigSpec;
 use super::rig_file::RigSource;
 use super::task::{self, TaskSpec};
 use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
 use upm_core::job::{Bin, CameraMode, Finding};
-use upm_core::rig::{Interlock, PartKind};
+use upm_core::rig::PartKind;
 use upm_core::units::mm_from_m;
 use upm_sim::faults::FaultSpec;
 
@@ -319,51 +318,6 @@ fn check_knocks(rig: &RigSpec, until_s: f64, faults: &mut Diagnostics) {
     let allowed =
         format!("up to {} ({MOST_KNOCKS} knocks by the rig's simulation.knocks)", 0.5 * MOST_KNOCKS * knocks.every_s);
     faults.require(knocks.every_s >= least_s, Path::root().key("limits").key("plate_time_s"), until_s, allowed);
-}
-
-/// Checks that the planner fits the rig and the task.
-fn check_planner(document: &JobFile, rig: &RigSpec, root: &Path, faults: &mut Diagnostics) {
-    let name = match document.planner {
-        PlannerChoice::SynthesizedField => "synthesized_field",
-        PlannerChoice::MovingField => "moving_field",
-        PlannerChoice::Auto | PlannerChoice::CorSequence | PlannerChoice::PseudoInverse => return,
-    };
-    let tasks = document.each_task();
-    let stays = |task: &TaskSection| matches!(task, TaskSection::PlusSign { .. } | TaskSection::Hold { .. });
-    let is_plus_sign = |task: &TaskSection| matches!(task, TaskSection::PlusSign { .. });
-    let moves_parts = tasks.iter().any(|(_, task)| !stays(task)) && !tasks.iter().any(|(_, task)| is_plus_sign(task));
-    let (others, obstacle) = match document.planner {
-        _ if rig.model.fields.is_none() => ("cor_sequence, pseudo_inverse", Some(without_fields())),
-        PlannerChoice::MovingField => ("synthesized_field", moving_obstacle(rig, moves_parts)),
-        _ => return,
-    };
-    if let Some((found, allowed)) = obstacle {
-        faults.push(root.key("planner"), format!("\"{name}\" {found}"), format!("auto, {others}, or {allowed}"));
-    }
-}
-
-fn without_fields() -> (String, String) {
-    ("on a rig without `fields`".into(), "a rig that has `fields`".into())
-}
-
-/// The reason for which motions without pauses are not possible, and what would do; `None` where they are.
-pub(crate) fn moving_obstacle(rig: &RigSpec, moves_parts: bool) -> Option<(String, String)> {
-    let Some(fields) = rig.model.fields else { return Some(without_fields()) };
-    let (base_hz, frame_hz) = (fields.base_radps / TAU, rig.model.frame_hz);
-    let stiffest_hz = rig.document.plate.resonance_hz.into_iter().fold(0.0, f64::max);
-    // a segment is two periods of the fields: it is driven from half their frequency on, shown by two frames at least,
-    // and over before the lease is
-    let (slowest_hz, least_hz) = (0.5 * base_hz, (2.0 * stiffest_hz).max(2.0 / Interlock::LEASE_S));
-    Some(if !moves_parts {
-        ("for a plus sign or a hold".into(), "a task of type arrange, sort or trajectories".into())
-    } else if frame_hz < base_hz {
-        (format!("with {frame_hz} frames a second"), format!("a camera of {base_hz:.0} or more"))
-    } else if base_hz < least_hz {
-        let why = format!("its segments are driven from {slowest_hz:.1} Hz on and last {:.3} s", 2.0 / base_hz);
-        (format!("on a rig with fields of {base_hz:.1} Hz ({why})"), format!("fields.base_hz of {least_hz:.1} or more"))
-    } else {
-        return None;
-    })
 }
 
 /// The groups with their kinds looked up. A kind that is unknown or larger than the plate is reported and gets an

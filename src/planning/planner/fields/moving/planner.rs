@@ -162,8 +162,7 @@ impl MovingPlanner {
 
     /// The present segment plays for `time_s`, one period or two, until the next one begins.
     pub fn plays_for(&mut self, time_s: f64) {
-        let periods = (time_s / self.period_s()).round().clamp(1.0, 2.0) as usize;
-        self.end = periods * self.model.basis.steps_a_period();
+        self.end = (time_s / self.period_s()).round().clamp(1.0, 2.0) as usize * self.model.basis.steps_a_period();
     }
 
     /// Takes a frame exposed `at_s` after the present segment began; `seen_m` are the places of the parts in it, `None`
@@ -172,9 +171,9 @@ impl MovingPlanner {
     /// Returns how far the parts are off their forecast places, m: the median, and 0 for fewer than three.
     pub fn observe(&mut self, at_s: f64, seen_m: &[Option<Vec2>]) -> f64 {
         let step_s = self.model.basis.step_s();
-        let end_s = self.end as f64 * step_s;
-        if at_s > end_s {
-            self.early = Some((at_s - end_s, seen_m.to_vec()));
+        let after_s = at_s - self.end as f64 * step_s;
+        if after_s > 0.0 {
+            self.early = Some((after_s, seen_m.to_vec()));
             return 0.0;
         }
         let step = (at_s / step_s).round().max(0.0) as usize;
@@ -225,9 +224,8 @@ impl MovingPlanner {
             return self.places_m().into_iter().map(|place_m| (place_m, Vec2::zeros(), Vec2::zeros())).collect();
         }
         if self.step >= self.end {
-            let state =
-                |part: &PartFilter| (part.disc().position_m, part.disc().velocity_mps, part.disc().velocity_mps);
-            return self.parts.iter().map(state).collect();
+            let discs = self.parts.iter().map(PartFilter::disc);
+            return discs.map(|disc| (disc.position_m, disc.velocity_mps, disc.velocity_mps)).collect();
         }
         let rollout = self.rollout(self.step..self.end);
         let over_s = (self.end - self.step) as f64 * self.model.basis.step_s();
