@@ -9,7 +9,7 @@
 use std::path::Path;
 
 use upm::config::JobSpec;
-use upm::rig::{Rig, RigFault};
+use upm::rig::{Rig, RigError};
 use upm::run::{InMemoryRun, RunError};
 use upm::signal::{AccelTrace, Drive, Frame};
 use upm::time::PlateTime;
@@ -23,10 +23,10 @@ struct Logged<R> {
 }
 
 impl<R: Rig> Rig for Logged<R> {
-    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+    fn play(&mut self, drive: &Drive) -> Result<(), RigError> {
         let (peak_counts, limit_counts) = (drive.peak_counts(), self.limit_counts);
         if peak_counts > limit_counts {
-            return Err(RigFault::DriveTooStrong { peak_counts, limit_counts });
+            return Err(RigError::DriveTooStrong { peak_counts, limit_counts });
         }
         self.pulses += 1;
         let (at_s, sustain_s) = (self.now().secs(), drive.envelope.sustain_s);
@@ -34,7 +34,7 @@ impl<R: Rig> Rig for Logged<R> {
         self.rig.play(drive)
     }
 
-    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigError> {
         self.frames += 1;
         self.rig.capture(frame)
     }
@@ -55,7 +55,7 @@ impl<R: Rig> Rig for Logged<R> {
         self.rig.stop();
     }
 
-    fn pass(&mut self, until: PlateTime) -> Result<(), RigFault> {
+    fn pass(&mut self, until: PlateTime) -> Result<(), RigError> {
         self.rig.pass(until)
     }
 }

@@ -16,7 +16,7 @@
 //!
 //! No measurement is accepted unchecked: channels must agree with the plate's rigidity, coils with the rig's data sheet
 //! and with each other, and the closing pulses with the opening ones. A mismatch is refused with the component's name
-//! ([`CalibrationFault`]).
+//! ([`CalibrationError`]).
 
 mod axes;
 mod axis_pulse;
@@ -33,7 +33,7 @@ mod steering;
 use upm_planning::cor_library::{Entry, FieldResponse, Library, PlateResponse};
 
 pub use axes::Axes;
-pub use fault::{CalibrationFault, CoilFault, MiswiredChannel, RigComponent};
+pub use fault::{CalibrationError, CoilError, MiswiredChannel, RigComponent};
 pub use params::{CalibrationParams, CalibrationProgress};
 pub use resonance::AxisResonance;
 pub use session::CalibrationSession;
@@ -42,19 +42,19 @@ impl CalibrationSession<'_> {
     /// Measures the response of the rig's axes with the accelerometers alone.
     ///
     /// # Errors
-    /// [`CalibrationFault::Rig`] when the rig refuses or fails, [`CalibrationFault::Stopped`] once the session is
-    /// stopped, and [`CalibrationFault::Trace`] when a trace cannot be read. A channel, coil or axis that fails its
-    /// check is [`CalibrationFault::Channel`], [`CalibrationFault::NotRigid`], [`CalibrationFault::Coil`],
-    /// [`CalibrationFault::Coupled`], [`CalibrationFault::Still`] or [`CalibrationFault::Resonance`].
-    pub fn axes(mut self, params: &CalibrationParams) -> Result<Axes, CalibrationFault> {
+    /// [`CalibrationError::Rig`] when the rig refuses or fails, [`CalibrationError::Stopped`] once the session is
+    /// stopped, and [`CalibrationError::Trace`] when a trace cannot be read. A channel, coil or axis that fails its
+    /// check is [`CalibrationError::Channel`], [`CalibrationError::NotRigid`], [`CalibrationError::Coil`],
+    /// [`CalibrationError::Coupled`], [`CalibrationError::Still`] or [`CalibrationError::Resonance`].
+    pub fn axes(mut self, params: &CalibrationParams) -> Result<Axes, CalibrationError> {
         axes::measure(&mut self, params)
     }
 
     /// The part of a library that needs accelerometers only: the axes, then every motion as strong as the motors allow.
     ///
     /// # Errors
-    /// As [`Self::axes`]; [`CalibrationFault::Singular`] when the axes do not move the plate independently.
-    pub fn steer(mut self, params: &CalibrationParams) -> Result<(Axes, Vec<Entry>), CalibrationFault> {
+    /// As [`Self::axes`]; [`CalibrationError::Singular`] when the axes do not move the plate independently.
+    pub fn steer(mut self, params: &CalibrationParams) -> Result<(Axes, Vec<Entry>), CalibrationError> {
         let axes = axes::measure(&mut self, params)?;
         let motions = steering::wanted(&axes, self.model, params);
         let entries = steering::measure(&mut self, &axes, params, &motions)?;
@@ -66,7 +66,7 @@ impl CalibrationSession<'_> {
     ///
     /// # Errors
     /// As [`Self::axes`].
-    pub fn fields(mut self, params: &CalibrationParams) -> Result<Option<FieldResponse>, CalibrationFault> {
+    pub fn fields(mut self, params: &CalibrationParams) -> Result<Option<FieldResponse>, CalibrationError> {
         axes::measure(&mut self, params)?;
         fields::measure(&mut self)
     }
@@ -76,7 +76,7 @@ impl CalibrationSession<'_> {
     ///
     /// # Errors
     /// As [`Self::axes`].
-    pub fn resonances(mut self, params: &CalibrationParams) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
+    pub fn resonances(mut self, params: &CalibrationParams) -> Result<Option<[AxisResonance; 3]>, CalibrationError> {
         axes::measure(&mut self, params)?;
         resonance::measure(&mut self)
     }
@@ -84,10 +84,10 @@ impl CalibrationSession<'_> {
     /// Runs the full calibration of the rig and returns its library.
     ///
     /// # Errors
-    /// As [`Self::steer`], and when table or coins are not found or are lost. [`CalibrationFault::TooWeak`] when the
-    /// strongest pulse moves no coin; [`CalibrationFault::StepChanged`] or [`CalibrationFault::Changed`] when the
+    /// As [`Self::steer`], and when table or coins are not found or are lost. [`CalibrationError::TooWeak`] when the
+    /// strongest pulse moves no coin; [`CalibrationError::StepChanged`] or [`CalibrationError::Changed`] when the
     /// closing pulses differ from the opening ones.
-    pub fn library(mut self, fingerprint: &str, params: &CalibrationParams) -> Result<Library, CalibrationFault> {
+    pub fn library(mut self, fingerprint: &str, params: &CalibrationParams) -> Result<Library, CalibrationError> {
         let (model, session) = (self.model, &mut self);
         let axes = axes::measure(session, params)?;
         let plate = resonance::measure(session)?.map(|axes| PlateResponse {

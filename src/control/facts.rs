@@ -3,7 +3,7 @@ use upm_core::geometry::Vec2;
 use upm_core::job::{EventLevel, Outcome, StopCause};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
-use upm_perception::estimation::{FitFault, PlateFit};
+use upm_perception::estimation::{FitError, PlateFit};
 use upm_perception::vision::{Detection, Table, Track};
 use upm_planning::planner::{Plan, PlannedPulse};
 use upm_planning::task::Setpoints;
@@ -69,7 +69,7 @@ pub struct PulseFacts {
     /// The accelerometers' trace.
     pub trace: AccelTrace,
     /// The plate's motion fitted to the trace.
-    pub fit: Result<PlateFit, FitFault>,
+    pub fit: Result<PlateFit, FitError>,
     /// The positions of the parts; `None` when one of them was out of sight.
     pub positions: Option<PulsePositions>,
 }

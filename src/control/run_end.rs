@@ -2,7 +2,7 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
-use upm_core::rig::{RigFault, Trip};
+use upm_core::rig::{RigError, Trip};
 
 /// A value to go on with, or the ending of the run.
 pub(super) type OrEnd<T = ()> = ControlFlow<RunEnd, T>;
@@ -59,19 +59,19 @@ impl RunEnd {
     }
 }
 
-impl From<RigFault> for RunEnd {
-    fn from(fault: RigFault) -> Self {
+impl From<RigError> for RunEnd {
+    fn from(fault: RigError) -> Self {
         let reason = format!("the rig stopped: {fault}");
         match fault {
-            RigFault::Stopped(trip @ (Trip::EStop | Trip::Shutdown)) => Self::cancelled(trip, reason),
-            RigFault::Stopped(trip) => Self { cause: Some(trip.into()), ..Self::failed(reason) },
+            RigError::Stopped(trip @ (Trip::EStop | Trip::Shutdown)) => Self::cancelled(trip, reason),
+            RigError::Stopped(trip) => Self { cause: Some(trip.into()), ..Self::failed(reason) },
             _ => Self::failed_because(Finding::DeviceFault, reason),
         }
     }
 }
 
 /// Unwraps the result of a fallible step; a fault of the rig ends the run.
-pub(super) fn flow<T>(result: Result<T, RigFault>) -> OrEnd<T> {
+pub(super) fn flow<T>(result: Result<T, RigError>) -> OrEnd<T> {
     match result {
         Ok(value) => ControlFlow::Continue(value),
         Err(fault) => ControlFlow::Break(fault.into()),
@@ -108,11 +108,11 @@ mod tests {
             (Trip::Lease, Outcome::Failed),
             (Trip::Watchdog, Outcome::Failed),
         ] {
-            let ending = RunEnd::from(RigFault::Stopped(trip));
+            let ending = RunEnd::from(RigError::Stopped(trip));
             assert_eq!((ending.outcome, ending.is_external()), (outcome, true), "{trip:?}");
         }
         assert!(RunEnd::stopped().is_external() && RunEnd::gave_way(true).is_external());
-        let broken = RunEnd::from(RigFault::Device("no camera".into()));
+        let broken = RunEnd::from(RigError::Device("no camera".into()));
         assert_eq!((broken.outcome, broken.is_external()), (Outcome::Failed, false));
         assert!(!RunEnd::completed("all in place").is_external());
     }

@@ -88,7 +88,7 @@ pub struct FieldDriveModel {
 
 /// Reason for which a rig refused or failed to act.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum RigFault {
+pub enum RigError {
     /// The drive exceeds the motors' limit.
     #[error("drive peaks at {peak_counts:.0} counts, the rig allows {limit_counts:.0}")]
     DriveTooStrong {
@@ -122,10 +122,10 @@ pub trait Rig {
     /// Starts a pulse and returns at once; the pulse plays while frames are captured.
     ///
     /// # Errors
-    /// [`RigFault::BadDrive`] or [`RigFault::DriveTooStrong`] for a drive that the rig cannot play, [`RigFault::Busy`]
-    /// before the last pulse and its rest are over, [`RigFault::Stopped`] once the interlock has tripped, and
-    /// [`RigFault::Device`] when the device fails.
-    fn play(&mut self, drive: &Drive) -> Result<(), RigFault>;
+    /// [`RigError::BadDrive`] or [`RigError::DriveTooStrong`] for a drive that the rig cannot play, [`RigError::Busy`]
+    /// before the last pulse and its rest are over, [`RigError::Stopped`] once the interlock has tripped, and
+    /// [`RigError::Device`] when the device fails.
+    fn play(&mut self, drive: &Drive) -> Result<(), RigError>;
 
     /// True for a rig that lets one pulse take over from another.
     fn takes_over(&self) -> bool {
@@ -137,11 +137,11 @@ pub trait Rig {
     /// time, a pulse plays to its end. Returns the time at which `drive` starts. Only motions without pauses need it.
     ///
     /// # Errors
-    /// Those of [`Rig::play`]; [`RigFault::TooLate`] where no pulse is playing, its decay has begun, or another one
-    /// takes over already, and [`RigFault::Device`] from rigs that play one pulse at a time. The present pulse goes
+    /// Those of [`Rig::play`]; [`RigError::TooLate`] where no pulse is playing, its decay has begun, or another one
+    /// takes over already, and [`RigError::Device`] from rigs that play one pulse at a time. The present pulse goes
     /// on.
-    fn take_over(&mut self, _drive: &Drive) -> Result<PlateTime, RigFault> {
-        Err(RigFault::Device("this rig plays one pulse at a time: take another planner than moving_field".into()))
+    fn take_over(&mut self, _drive: &Drive) -> Result<PlateTime, RigError> {
+        Err(RigError::Device("this rig plays one pulse at a time: take another planner than moving_field".into()))
     }
 
     /// End of the last pulse, its rest included; not later than [`Rig::now`] when no pulse is playing.
@@ -150,8 +150,8 @@ pub trait Rig {
     /// Waits for the camera's next exposure and reads it out into `frame`, which is resized as needed.
     ///
     /// # Errors
-    /// [`RigFault::Stopped`] once the interlock has tripped, and [`RigFault::Device`] when the device fails.
-    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault>;
+    /// [`RigError::Stopped`] once the interlock has tripped, and [`RigError::Device`] when the device fails.
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigError>;
 
     /// The accelerometers' trace of the last pulse, up to now; of the one before while a pulse that took over rises.
     fn trace(&self) -> AccelTrace;
@@ -163,8 +163,8 @@ pub trait Rig {
     /// playing fall silent after [`Interlock::LEASE_S`].
     ///
     /// # Errors
-    /// [`RigFault::Stopped`] when motors fell silent in this way, and once the interlock has tripped.
-    fn pass(&mut self, _until: PlateTime) -> Result<(), RigFault> {
+    /// [`RigError::Stopped`] when motors fell silent in this way, and once the interlock has tripped.
+    fn pass(&mut self, _until: PlateTime) -> Result<(), RigError> {
         Ok(())
     }
 }

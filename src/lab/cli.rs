@@ -23,7 +23,7 @@ use super::settings::{SettingInfo, assignment};
 use super::sweep::Sweep;
 use super::table::{columns, table};
 use super::vision::vision_of;
-use super::{LabFault, LabRig};
+use super::{LabError, LabRig};
 use args::{Cli, Command, ExperimentArgs};
 use failure::Failure;
 use upm_chart::{Chart, Layer};
@@ -232,7 +232,7 @@ fn measure(name: &str, cli: &Cli) -> Result<(String, ExperimentResult), Failure>
         None => experiment.method.run(&rig, &request, show),
     });
     let outcome = outcome.map_err(|fault| match fault {
-        LabFault::Setting(fault) => Failure::bad_input(format!("{name}: {fault}")),
+        LabError::Setting(fault) => Failure::bad_input(format!("{name}: {fault}")),
         fault => Failure::failed(format!("{name} on {}: {fault}", rig.model.name)),
     })?;
     let on = if experiment.kind != Kind::Machine { format!("rig {}, ", rig.model.name) } else { String::new() };

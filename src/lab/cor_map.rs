@@ -3,7 +3,7 @@ use super::pulses::envelope;
 use super::shaken::{BarePlate, steady_motion};
 use super::sweep::Progress;
 use super::texts::figures;
-use super::{ExperimentResult, Figure, LabFault, LabRig};
+use super::{ExperimentResult, Figure, LabError, LabRig};
 use upm_core::background::on_all_cores;
 use upm_core::geometry::Twist;
 use upm_core::units::mm_from_m;
@@ -21,8 +21,8 @@ const REACH_M: f64 = 0.1;
 ///
 /// # Errors
 ///
-/// [`LabFault::Rig`] when calibration refuses the rig.
-pub fn cor_map(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+/// [`LabError::Rig`] when calibration refuses the rig.
+pub fn cor_map(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let mut plate = BarePlate::new(lab);
     let (axes, entries) = plate.calibrated(|session, params| session.steer(params))?;
     let envelope = envelope(lab, 0.1);

@@ -5,7 +5,7 @@ use super::numerics::line_through;
 use super::pulses::mm;
 use super::sweep::Progress;
 use super::texts::figure;
-use super::{ExperimentResult, Figure, LabFault, LabRig};
+use super::{ExperimentResult, Figure, LabError, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::units::{INCH_M, mm_from_m};
@@ -21,7 +21,7 @@ const SUM: f64 = 4.0;
 /// # Errors
 ///
 /// A rig whose motors leave no amplitude for the table, or whose traces cannot be read.
-pub fn cor_steering(lab: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn cor_steering(lab: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let Reads { unit, compensated, plain } = read_rows(lab)?;
     let centers = |reads: &[ReadRow]| reads.iter().map(|read| read.center_m).collect::<Vec<Vec2>>();
     let (found_m, plain_m) = (centers(&compensated), centers(&plain));
@@ -82,7 +82,7 @@ fn steps(centers: &[Vec2]) -> [f64; 2] {
 /// # Errors
 ///
 /// Those of the experiment itself.
-fn axis_figures(lab: &LabRig, found_m: &[Vec2]) -> Result<Vec<Figure>, LabFault> {
+fn axis_figures(lab: &LabRig, found_m: &[Vec2]) -> Result<Vec<Figure>, LabError> {
     let expected_in = STEP / SUM * kappa_m(lab) / INCH_M;
     let [y_in, x_in] = steps(found_m).map(|step_m| step_m / INCH_M);
     let paper = steps(&ROWS.each_ref().map(|row| Vec2::new(row.read_in[1], row.read_in[0])));

@@ -2,7 +2,7 @@ use std::f64::consts::TAU;
 
 use super::settings::{Field, Setting, SettingInfo, assigned, find, settings};
 use super::sweep::{Progress, Sweep};
-use super::{ExperimentResult, LabFault, LabRig, feeder, mchip, rock, topple};
+use super::{ExperimentResult, LabError, LabRig, feeder, mchip, rock, topple};
 
 /// One of the experiments of the papers.
 #[derive(Clone, Copy)]
@@ -47,7 +47,7 @@ pub trait Method: Sync {
     /// # Errors
     ///
     /// A parameter that is not allowed, or a rig that cannot carry out the experiment.
-    fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<ExperimentResult, LabFault>;
+    fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<ExperimentResult, LabError>;
 }
 
 /// The procedure of an experiment on machines of type `M`.
@@ -58,9 +58,9 @@ pub struct Procedure<M: 'static> {
     /// The machine with default values.
     pub usual: fn(&LabRig) -> M,
     /// Measures one machine.
-    pub measure: fn(&M, Progress<'_>) -> Result<ExperimentResult, LabFault>,
+    pub measure: fn(&M, Progress<'_>) -> Result<ExperimentResult, LabError>,
     /// Reproduces the published experiments.
-    pub reproduce: fn(&LabRig, Progress<'_>) -> Result<ExperimentResult, LabFault>,
+    pub reproduce: fn(&LabRig, Progress<'_>) -> Result<ExperimentResult, LabError>,
 }
 
 impl<M: Clone + Send + Sync> Method for Procedure<M> {
@@ -73,7 +73,7 @@ impl<M: Clone + Send + Sync> Method for Procedure<M> {
         self.settings.iter().map(info).collect()
     }
 
-    fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+    fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<ExperimentResult, LabError> {
         let machine = assigned(self.settings, &(self.usual)(rig), &request.assignments)?;
         match &request.sweep {
             Some(sweep) => {

@@ -13,7 +13,7 @@ pub use self::published::reproduce;
 use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
 use super::texts::{figure, figures};
-use super::{ExperimentResult, Figure, LabFault};
+use super::{ExperimentResult, Figure, LabError};
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 
 /// A dyne, N.
@@ -54,18 +54,18 @@ impl Feeder {
 /// # Errors
 ///
 /// A feeder outside the model: a part that sticks to the plate, or one that a force carries away.
-pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let Feeder { plate, friction, mass_kg, force_n } = *feeder;
     let sliding = feeder.sliding();
     let Sliding { drag_mps2, push_mps2 } = sliding;
     if plate.accel_mps2 <= drag_mps2 {
-        return Err(LabFault::Setting(format!(
+        return Err(LabError::Setting(format!(
             "accel_mps2: expected more than {drag_mps2:.3} (friction times gravity), found {}: the part sticks",
             plate.accel_mps2
         )));
     }
     if push_mps2.abs() >= drag_mps2 {
-        return Err(LabFault::Setting(format!(
+        return Err(LabError::Setting(format!(
             "force_dyn: expected less than {:.3} (friction times weight), found {:.3}: the force carries the part away",
             drag_mps2 * mass_kg / DYN_N,
             force_n / DYN_N
@@ -116,7 +116,7 @@ mod tests {
     use rand::RngExt;
     use upm_core::random::Streams;
 
-    fn set(text: &str) -> Result<ExperimentResult, LabFault> {
+    fn set(text: &str) -> Result<ExperimentResult, LabError> {
         let assignments: Vec<_> = text.split_whitespace().map(|one| assignment(one).unwrap()).collect();
         measure(&assigned(SETTINGS, &Feeder::published(), &assignments)?, &|_| ())
     }

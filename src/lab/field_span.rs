@@ -10,7 +10,7 @@ use rand::RngExt;
 use super::pulses::{envelope, play};
 use super::sweep::Progress;
 use super::texts::{chart, figure};
-use super::{ExperimentResult, LabFault, LabRig};
+use super::{ExperimentResult, LabError, LabRig};
 use upm_chart::Color;
 use upm_core::geometry::{Vec2, perp};
 use upm_core::job::PlateMode;
@@ -32,8 +32,8 @@ const COUNTED: f64 = 1e-9;
 ///
 /// # Errors
 ///
-/// [`LabFault::Rig`] when the rig's figures give no valid pulse.
-pub fn field_span(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+/// [`LabError::Rig`] when the rig's figures give no valid pulse.
+pub fn field_span(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let mut rng = Streams::new(rig.seed).stream("field span");
     let side_m = rig.sim.plate.side_m;
     let mut drawn = || Vec2::new(rng.random_range(-0.5..0.5), rng.random_range(-0.5..0.5));
@@ -54,7 +54,7 @@ pub fn field_span(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, Lab
             let played = play(rig, PlateMode::Kinematic, &parts_m, &[pulse], rig.model.base_radps / TAU)?;
             moves.extend(parts_m.iter().enumerate().map(|(i, start)| played.end_m(i) - start));
         }
-        Ok::<_, LabFault>(singular_values(moves))
+        Ok::<_, LabError>(singular_values(moves))
     };
     let found = [
         ("rigid rotations", ideal(perp)),

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use super::pumped::{FAINT, PUMP, PumpedLine, sliding_threshold};
 use super::sweep::Progress;
 use super::texts::{chart, figure, figures};
-use super::{ExperimentResult, LabFault, LabRig, coulomb_pump, disc_friction, general_wave};
+use super::{ExperimentResult, LabError, LabRig, coulomb_pump, disc_friction, general_wave};
 use upm_chart::{Chart, Color};
 use upm_core::units::GRAVITY_MPS2;
 use upm_sim::PartParams;
@@ -33,10 +33,10 @@ const APPROACH: f64 = 3.0;
 ///
 /// # Errors
 ///
-/// [`LabFault::Rig`] unless friction, base frequency and time step are positive numbers.
-pub fn force_curve(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+/// [`LabError::Rig`] unless friction, base frequency and time step are positive numbers.
+pub fn force_curve(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabError> {
     if ![rig.penny.friction, rig.model.base_radps, rig.sim.step_s].iter().all(|v| v.is_finite() && *v > 0.0) {
-        return Err(LabFault::Rig("friction, base frequency and time step must be positive".to_owned()));
+        return Err(LabError::Rig("friction, base frequency and time step must be positive".to_owned()));
     }
     let mut outcome = ExperimentResult::default();
     report_forces(rig, &mut outcome);

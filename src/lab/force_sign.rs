@@ -5,7 +5,7 @@ use rand::RngExt;
 
 use super::shaken::{BarePlate, steady_motion};
 use super::sweep::Progress;
-use super::{LabFault, LabRig};
+use super::{LabError, LabRig};
 use upm_core::background::on_all_cores;
 use upm_core::random::{Rng, Streams};
 use upm_core::signal::{Drive, Envelope, Harmonic};
@@ -22,7 +22,7 @@ const DRIVES: usize = 500;
 /// Sends `count` random drives along x, both harmonics of any phase, through the whole chain and evaluates Eq. 14 for
 /// the sign of the mean friction force; the truth is the sign of the plate's velocity averaged over a cycle. Returns
 /// the number of wrong signs.
-pub(super) fn wrong_signs(lab: &LabRig, count: usize, progress: Progress<'_>) -> Result<usize, LabFault> {
+pub(super) fn wrong_signs(lab: &LabRig, count: usize, progress: Progress<'_>) -> Result<usize, LabError> {
     let mut rng = Streams::new(lab.seed).stream("force signs");
     let (response, sensors) = (response(lab), AccelerometerPair::exact(lab.model.accelerometer_in_plate_m));
     let draw = || {
@@ -38,7 +38,7 @@ pub(super) fn wrong_signs(lab: &LabRig, count: usize, progress: Progress<'_>) ->
             let fit = plate.read("random drive", drive, &sensors)?;
             wrong += usize::from(force_sign(&fit.accel_mps2[0]) != *truth);
         }
-        Ok::<_, LabFault>(wrong)
+        Ok::<_, LabError>(wrong)
     });
     wrong.into_iter().sum()
 }

@@ -73,7 +73,7 @@ impl LabRig {
 
 /// Reasons why an experiment gives no result.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum LabFault {
+pub enum LabError {
     /// This rig cannot carry out the experiment, or its trace cannot be read.
     #[error("{0}")]
     Rig(String),

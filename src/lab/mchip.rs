@@ -24,7 +24,7 @@ use self::run::Run;
 use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
 use super::texts::{chart, figures};
-use super::{ExperimentResult, Figure, LabFault};
+use super::{ExperimentResult, Figure, LabError};
 use upm_chart::{Chart, Color};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -82,11 +82,11 @@ impl MChip {
 ///
 /// # Errors
 /// A rim that does not fit its ridge.
-pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let &MChip { job, starts, seed } = chip;
     let Device { ridge_height_m, rim_radius_m, .. } = job.setup.device;
     if rim_radius_m > 0.5 * ridge_height_m {
-        return Err(LabFault::Setting(format!(
+        return Err(LabError::Setting(format!(
             "rim_um: expected at most {:.3} (half of the ridge's height), found {}",
             1e6 * 0.5 * ridge_height_m,
             1e6 * rim_radius_m
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
     use crate::settings::{assigned, assignment};
 
-    fn set(text: &str) -> Result<ExperimentResult, LabFault> {
+    fn set(text: &str) -> Result<ExperimentResult, LabError> {
         let assignments: Vec<_> = text.split_whitespace().map(|one| assignment(one).unwrap()).collect();
         measure(&assigned(SETTINGS, &MChip::published(), &assignments)?, &|_| ())
     }

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use super::pulses::{EDGE_M, check_carries, envelope, play, saturation, strongest_spin};
 use super::sweep::Progress;
 use super::texts::{chart, figure};
-use super::{ExperimentResult, Figure, LabFault, LabRig, coulomb_pump};
+use super::{ExperimentResult, Figure, LabError, LabRig, coulomb_pump};
 use upm_chart::{Chart, Color};
 use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
@@ -69,7 +69,7 @@ impl PlayedPulse {
 /// # Errors
 ///
 /// A rig whose motors do not carry the part.
-pub fn pulse_law(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn pulse_law(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let inset_m = 0.5 * rig.sim.plate.side_m - rig.penny.radius_m - EDGE_M;
     let cor_m = Vec2::new(-inset_m, -inset_m);
     let sustains_s = sustains_s(rig);
@@ -107,7 +107,7 @@ fn sustains_s(rig: &LabRig) -> Vec<f64> {
 }
 
 impl PivotSetup<'_> {
-    fn play(&self, sustain_s: f64) -> Result<PlayedPulse, LabFault> {
+    fn play(&self, sustain_s: f64) -> Result<PlayedPulse, LabError> {
         let rig = self.rig;
         let envelope = Envelope { rest_s: REST_S, ..envelope(rig, sustain_s) };
         let pulse = OpenPulse::about(self.cor_m, self.spin_radps, envelope);

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::numerics::bisect;
-use super::{LabFault, LabRig, coulomb_pump};
+use super::{LabError, LabRig, coulomb_pump};
 use upm_core::geometry::{Pose, Vec2, cross};
 use upm_core::job::PlateMode;
 use upm_core::signal::Envelope;
@@ -31,14 +31,14 @@ pub(super) fn calm_envelope(rig: &LabRig, mode: PlateMode, sustain_s: f64) -> En
 }
 
 /// The largest amplitude of spin about `cor_m` within the limits of the rig's motors, rad/s, by bisection.
-pub(super) fn strongest_spin(rig: &LabRig, cor_m: Vec2) -> Result<f64, LabFault> {
+pub(super) fn strongest_spin(rig: &LabRig, cor_m: Vec2) -> Result<f64, LabError> {
     const DOUBLINGS: usize = 40;
     const HALVINGS: usize = 60;
     let check = |spin_radps: f64| {
         let pulse = OpenPulse::about(cor_m, spin_radps, envelope(rig, 0.0));
         check_pulses(&rig.sim, PlateMode::Dynamic, &[pulse], rig.model.base_radps)
     };
-    check(0.0).map_err(LabFault::Rig)?;
+    check(0.0).map_err(LabError::Rig)?;
     let refused = |spin_radps: f64| check(spin_radps).is_err();
     let mut doubled = std::iter::successors(Some(1.0), |spin_radps| Some(2.0 * spin_radps)).take(DOUBLINGS);
     let highest = doubled.find(|&spin_radps| refused(spin_radps)).unwrap_or(f64::INFINITY);
@@ -46,13 +46,13 @@ pub(super) fn strongest_spin(rig: &LabRig, cor_m: Vec2) -> Result<f64, LabFault>
 }
 
 /// Rejects a plate that does not carry a part forwards at `radius_m` from its centre of rotation.
-pub(super) fn check_carries(rig: &LabRig, spin_radps: f64, radius_m: f64) -> Result<(), LabFault> {
+pub(super) fn check_carries(rig: &LabRig, spin_radps: f64, radius_m: f64) -> Result<(), LabError> {
     let shaken = spin_radps * radius_m * rig.model.base_radps;
     let needed = coulomb_pump::CARRIED_FROM * rig.penny.friction * GRAVITY_MPS2;
     if shaken > needed {
         return Ok(());
     }
-    Err(LabFault::Rig(format!(
+    Err(LabError::Rig(format!(
         "parts stick or creep backwards {:.0} mm from the centre of rotation: expected an acceleration A w above \
          {needed:.2} m/s² there, found {shaken:.2}",
         1e3 * radius_m
@@ -79,9 +79,9 @@ pub(super) fn play(
     parts_m: &[Vec2],
     pulses: &[OpenPulse],
     sample_hz: f64,
-) -> Result<Played, LabFault> {
+) -> Result<Played, LabError> {
     let parts: Vec<_> = parts_m.iter().map(|&at| (rig.penny, Pose { position_m: at, heading_rad: 0.0 })).collect();
-    let played = simulate(&rig.sim, mode, &parts, pulses, rig.model.base_radps, sample_hz).map_err(LabFault::Rig)?;
+    let played = simulate(&rig.sim, mode, &parts, pulses, rig.model.base_radps, sample_hz).map_err(LabError::Rig)?;
     let way = |part: &PartTrajectory| part.x_m.iter().zip(&part.y_m).map(|(&x, &y)| Vec2::new(x, y)).collect();
     Ok(Played { ways_m: played.parts.iter().map(way).collect(), t_s: played.t_s })
 }

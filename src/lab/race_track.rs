@@ -10,7 +10,7 @@ use super::pulses::{
 };
 use super::sweep::Progress;
 use super::texts::{figure, figures};
-use super::{ExperimentResult, Figure, LabFault, LabRig};
+use super::{ExperimentResult, Figure, LabError, LabRig};
 use upm_chart::{Chart, Color, Layer, Mark};
 use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
@@ -40,13 +40,13 @@ struct RaceCourse {
 }
 
 impl RaceCourse {
-    fn on(rig: &LabRig) -> Result<Self, LabFault> {
+    fn on(rig: &LabRig) -> Result<Self, LabError> {
         let coin_radius_m = rig.penny.radius_m;
         let inset_m = 0.5 * rig.sim.plate.side_m - coin_radius_m - EDGE_M;
         let cor_m = Vec2::new(-inset_m, -inset_m);
         let lane_m = 2.0 * inset_m * (LANES[1] - LANES[0]);
         if lane_m <= 2.0 * coin_radius_m {
-            return Err(LabFault::Rig(format!(
+            return Err(LabError::Rig(format!(
                 "three coins do not fit beside each other: expected lanes more than {:.1} mm apart, found {:.1} mm",
                 2e3 * coin_radius_m,
                 1e3 * lane_m
@@ -98,7 +98,7 @@ struct Race {
 }
 
 impl Race {
-    fn run(rig: &LabRig) -> Result<Self, LabFault> {
+    fn run(rig: &LabRig) -> Result<Self, LabError> {
         let course = RaceCourse::on(rig)?;
         let mut tried = FIRST_PULSES;
         while tried <= MOST_PULSES {
@@ -106,7 +106,7 @@ impl Race {
             let played = play(rig, PlateMode::Dynamic, &course.starts_m, &pulses, SERIES_HZ * FINER as f64)?;
             let pulses = (1..=tried).take_while(|&k| course.all_in_quarter(&played, k)).last().unwrap_or(0);
             if pulses == 0 {
-                return Err(LabFault::Rig("one pulse carries a coin out of its quarter of a turn".to_owned()));
+                return Err(LabError::Rig("one pulse carries a coin out of its quarter of a turn".to_owned()));
             }
             if pulses < tried {
                 let last = course.sample_after(pulses);
@@ -116,7 +116,7 @@ impl Race {
             }
             tried *= 2;
         }
-        Err(LabFault::Rig(format!("{MOST_PULSES} pulses carry no coin through a quarter of a turn")))
+        Err(LabError::Rig(format!("{MOST_PULSES} pulses carry no coin through a quarter of a turn")))
     }
 
     /// The smallest gap between two rims at any time, m.
@@ -134,10 +134,10 @@ impl Race {
 ///
 /// # Errors
 ///
-/// [`LabFault::Rig`] when three coins do not fit beside each other, when they stick or creep backwards, when one pulse
+/// [`LabError::Rig`] when three coins do not fit beside each other, when they stick or creep backwards, when one pulse
 /// carries a coin out of its quarter of a turn or thousands of pulses carry none through it, and when the rig's figures
 /// give no valid pulse.
-pub fn race_track(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn race_track(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let race = Race::run(rig)?;
     let charts = vec![map(rig, &race)];
     Ok(ExperimentResult { figures: figures_of(rig, &race), charts, ..ExperimentResult::default() })
@@ -253,6 +253,6 @@ mod tests {
     fn motors_too_weak_to_slide_a_coin_are_refused() {
         let mut rig = lab_rig("upm-1");
         rig.sim.motors.force_limit_n *= 0.1;
-        assert!(matches!(race_track(&rig, &|_| ()), Err(LabFault::Rig(why)) if why.contains("stick")));
+        assert!(matches!(race_track(&rig, &|_| ()), Err(LabError::Rig(why)) if why.contains("stick")));
     }
 }

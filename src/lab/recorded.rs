@@ -1,12 +1,12 @@
 use std::f64::consts::TAU;
 
 use super::texts::{chart, figure, figures};
-use super::{ExperimentResult, Figure, LabFault};
+use super::{ExperimentResult, Figure, LabError};
 use upm_chart::Color;
 use upm_core::signal::{CHANNEL_NAMES, RecordedPulse};
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::{
-    AccelerometerPair, FitFault, SteadyWindow, TwistFit, accelerations_mps2, amplitude_spectrum, fit_twist,
+    AccelerometerPair, FitError, SteadyWindow, TwistFit, accelerations_mps2, amplitude_spectrum, fit_twist,
     sustain_window,
 };
 
@@ -14,10 +14,10 @@ use upm_perception::estimation::{
 ///
 /// # Errors
 ///
-/// [`LabFault::Rig`] for a trace that [`fit_twist`] cannot evaluate. A spectrum that cannot be computed is only
+/// [`LabError::Rig`] for a trace that [`fit_twist`] cannot evaluate. A spectrum that cannot be computed is only
 /// noted.
-pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<ExperimentResult, LabFault> {
-    let fault = |fault: FitFault| LabFault::Rig(format!("recorded pulse: {fault}"));
+pub fn waveform_fit_of(pulse: &RecordedPulse) -> Result<ExperimentResult, LabError> {
+    let fault = |fault: FitError| LabError::Rig(format!("recorded pulse: {fault}"));
     let fit = fit(pulse).map_err(fault)?;
     let window = sustain_window(&pulse.trace, &pulse.envelope, pulse.base_radps).map_err(fault)?;
     let shown = accelerations_mps2(&pulse.trace, &window).map_err(fault)?;
@@ -58,7 +58,7 @@ fn figures_of(fit: &TwistFit) -> Vec<Figure> {
 }
 
 /// The fit with the channels' gains corrected.
-pub(super) fn fit(pulse: &RecordedPulse) -> Result<TwistFit, FitFault> {
+pub(super) fn fit(pulse: &RecordedPulse) -> Result<TwistFit, FitError> {
     let sensors = AccelerometerPair { position_m: pulse.accelerometer_in_plate_m, gain: pulse.channel_gain };
     fit_twist(&pulse.trace, &pulse.envelope, pulse.base_radps, &sensors)
 }
@@ -75,7 +75,7 @@ const UNEVEN_SAMPLES: f64 = 1e-3;
 const SETTLING_S: f64 = 3e-3;
 
 /// Amplitudes of every channel, corrected for gain, over the last whole base periods at full height, against the fit.
-pub(super) fn spectrum_figures(pulse: &RecordedPulse, fit: &TwistFit) -> Result<Vec<Figure>, FitFault> {
+pub(super) fn spectrum_figures(pulse: &RecordedPulse, fit: &TwistFit) -> Result<Vec<Figure>, FitError> {
     let window = whole_periods(pulse)?;
     let mut figures = Vec::new();
     for (channel, shown) in accelerations_mps2(&pulse.trace, &window)?.iter().enumerate() {
@@ -91,7 +91,7 @@ pub(super) fn spectrum_figures(pulse: &RecordedPulse, fit: &TwistFit) -> Result<
 }
 
 /// The longest sequence of whole samples and base periods at full height, the latest one.
-fn whole_periods(pulse: &RecordedPulse) -> Result<SteadyWindow, FitFault> {
+fn whole_periods(pulse: &RecordedPulse) -> Result<SteadyWindow, FitError> {
     let (trace, envelope) = (&pulse.trace, &pulse.envelope);
     let index = |t_s: f64| ((t_s - trace.first_sample_s) * trace.sample_hz - 1e-6).ceil().max(0.0) as usize;
     // the force steps where the flank ends, and the motors' low-pass takes a few milliseconds to follow
@@ -103,7 +103,7 @@ fn whole_periods(pulse: &RecordedPulse) -> Result<SteadyWindow, FitFault> {
         let samples = *periods as f64 * period_samples;
         (samples - samples.round()).abs() <= UNEVEN_SAMPLES
     };
-    let periods = (2..=most).rev().find(even).ok_or(FitFault::Unreadable("no base periods are whole samples"))?;
+    let periods = (2..=most).rev().find(even).ok_or(FitError::Unreadable("no base periods are whole samples"))?;
     let first = to - (periods as f64 * period_samples).round() as usize;
     Ok(SteadyWindow { samples: first..to, start_s: trace.time_s(first), step_s: 1.0 / trace.sample_hz, periods })
 }

@@ -32,7 +32,7 @@ const MOST_PIXELS: usize = 16_000_000;
 
 /// Reasons why the reference finds no table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ReferenceFault {
+pub enum ReferenceError {
     /// The picture is too small, too large, or its size disagrees with its pixels.
     #[error(
         "picture: expected {LEAST_SIZE} px or more a side and {MOST_PIXELS} px in all, found {width} x {height} px"
@@ -61,18 +61,18 @@ pub struct ReferenceView {
 ///
 /// # Errors
 ///
-/// [`ReferenceFault`] for pictures of a bad size or without a table.
-pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<ReferenceView, ReferenceFault> {
+/// [`ReferenceError`] for pictures of a bad size or without a table.
+pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<ReferenceView, ReferenceError> {
     let (width, height) = (frame.width, frame.height);
-    let bad_size = ReferenceFault::BadSize { width, height };
+    let bad_size = ReferenceError::BadSize { width, height };
     let pixels = width.checked_mul(height).filter(|&pixels| pixels <= MOST_PIXELS && pixels == frame.pixels.len());
     if pixels.is_none() || width.min(height) < LEAST_SIZE {
         return Err(bad_size);
     }
     let picture = GrayImage::from_raw(width as u32, height as u32, frame.pixels.clone()).ok_or(bad_size)?;
     let ideal = undistorted(picture, lens);
-    let corners = quad::corners(&ideal).ok_or(ReferenceFault::NoTable)?;
-    let table = Table::from_ideal_corners(corners, side_m, lens).map_err(|_| ReferenceFault::NoTable)?;
+    let corners = quad::corners(&ideal).ok_or(ReferenceError::NoTable)?;
+    let table = Table::from_ideal_corners(corners, side_m, lens).map_err(|_| ReferenceError::NoTable)?;
     Ok(ReferenceView { ideal, table })
 }
 

@@ -18,7 +18,7 @@ use self::wave::{Square, Wave};
 use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
 use super::texts::{chart, figures};
-use super::{ExperimentResult, Figure, LabFault};
+use super::{ExperimentResult, Figure, LabError};
 use upm_chart::{Chart, Color};
 use upm_core::units::mm_from_m;
 
@@ -70,10 +70,10 @@ impl Rock {
     }
 
     /// The wave of the steady orbit.
-    fn drive(&self) -> Result<Square, LabFault> {
+    fn drive(&self) -> Result<Square, LabError> {
         let balance_rad = self.block.balance_rad();
         let limit = |key: &str, most_rad: f64, name: &str, found: f64| {
-            Err(LabFault::Setting(format!("{key}: expected less than {most_rad:.4} ({name}), found {found}")))
+            Err(LabError::Setting(format!("{key}: expected less than {most_rad:.4} ({name}), found {found}")))
         };
         if self.peak_rad >= balance_rad {
             return limit("peak_rad", balance_rad, "the tilt at which the block balances", self.peak_rad);
@@ -82,7 +82,7 @@ impl Rock {
             return limit("start", balance_rad / self.peak_rad, "the block's balance over peak_rad", self.start);
         }
         let none = || {
-            LabFault::Setting(format!(
+            LabError::Setting(format!(
                 "from, to: expected tilts between which the table's acceleration makes up for the impact, from above to, found {} and {}",
                 self.from, self.to
             ))
@@ -101,7 +101,7 @@ impl Rock {
 /// # Errors
 ///
 /// A peak beyond the balance, or a window in which no drive compensates the impact's loss.
-pub fn measure(rock: &Rock, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn measure(rock: &Rock, _: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let drive = rock.drive()?;
     let wave = drive.ramped(rock.ramp);
     let motion = rock.release(rock.start).motion(&wave, rock.time_s);
@@ -183,7 +183,7 @@ mod tests {
     use upm_core::random::Streams;
     use upm_core::units::GRAVITY_MPS2;
 
-    fn machine(text: &str) -> Result<Rock, LabFault> {
+    fn machine(text: &str) -> Result<Rock, LabError> {
         let assignments: Vec<_> = text.split_whitespace().map(|one| assignment(one).unwrap()).collect();
         assigned(SETTINGS, &Rock::published(), &assignments)
     }

@@ -1,6 +1,6 @@
 //! Parameters of a machine that the user may set: `--set duty=0.55`.
 
-use super::LabFault;
+use super::LabError;
 use upm_core::document::one_of;
 
 /// A parameter of machine `M`, in the unit that its key names.
@@ -80,12 +80,12 @@ impl<M> Setting<M> {
     /// # Errors
     ///
     /// A value outside its range, or a fraction for a whole number.
-    pub fn set(&self, machine: &mut M, value: f64) -> Result<(), LabFault> {
+    pub fn set(&self, machine: &mut M, value: f64) -> Result<(), LabError> {
         let ([least, most], is_count) = (self.range, matches!(self.field, Field::Count(_)));
         let is_allowed = (least..=most).contains(&value) && !(is_count && value.fract() != 0.0);
         if !is_allowed {
             let kind = if is_count { "a whole number from " } else { "" };
-            return Err(LabFault::Setting(format!("{}: expected {kind}{least} to {most}, found {value}", self.key)));
+            return Err(LabError::Setting(format!("{}: expected {kind}{least} to {most}, found {value}", self.key)));
         }
         match self.field {
             Field::Number(of, unit) => *of(machine) = value * unit,
@@ -99,13 +99,13 @@ impl<M> Setting<M> {
 ///
 /// # Errors
 /// An unknown name.
-pub(super) fn find<'a, M>(settings: &'a [Setting<M>], key: &str) -> Result<&'a Setting<M>, LabFault> {
+pub(super) fn find<'a, M>(settings: &'a [Setting<M>], key: &str) -> Result<&'a Setting<M>, LabError> {
     settings.iter().find(|setting| setting.key == key).ok_or_else(|| {
         let keys: Vec<&str> = settings.iter().map(|setting| setting.key).collect();
         if keys.is_empty() {
-            return LabFault::Setting(format!("this experiment has no settings, found {key:?}"));
+            return LabError::Setting(format!("this experiment has no settings, found {key:?}"));
         }
-        LabFault::Setting(format!("expected {}, found {key:?}", one_of(key, &keys)))
+        LabError::Setting(format!("expected {}, found {key:?}", one_of(key, &keys)))
     })
 }
 
@@ -118,7 +118,7 @@ pub(super) fn assigned<M: Clone>(
     settings: &[Setting<M>],
     machine: &M,
     assignments: &[(String, f64)],
-) -> Result<M, LabFault> {
+) -> Result<M, LabError> {
     let mut machine = machine.clone();
     for (key, value) in assignments {
         find(settings, key)?.set(&mut machine, *value)?;

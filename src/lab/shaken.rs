@@ -5,8 +5,8 @@ use std::sync::atomic::AtomicBool;
 
 use nalgebra::Complex;
 
-use super::{LabFault, LabRig};
-use upm_control::calibration::{Axes, CalibrationFault, CalibrationParams, CalibrationSession};
+use super::{LabError, LabRig};
+use upm_control::calibration::{Axes, CalibrationError, CalibrationParams, CalibrationSession};
 use upm_core::geometry::Twist;
 use upm_core::random::Streams;
 use upm_core::rig::{Rig, RigModel};
@@ -37,8 +37,8 @@ impl BarePlate {
     }
 
     /// Plays a pulse to the end of its rest; returns the accelerometer trace.
-    pub fn play(&mut self, drive: &Drive) -> Result<AccelTrace, LabFault> {
-        let refused = |fault: upm_core::rig::RigFault| LabFault::Rig(fault.to_string());
+    pub fn play(&mut self, drive: &Drive) -> Result<AccelTrace, LabError> {
+        let refused = |fault: upm_core::rig::RigError| LabError::Rig(fault.to_string());
         self.rig.play(drive).map_err(refused)?;
         while self.rig.now() < self.rig.settled_at() {
             self.rig.capture(&mut self.frame).map_err(refused)?;
@@ -47,26 +47,26 @@ impl BarePlate {
     }
 
     /// Plays a pulse; returns the motion that the accelerometers read.
-    pub fn read(&mut self, what: &str, drive: &Drive, sensors: &AccelerometerPair) -> Result<TwistFit, LabFault> {
+    pub fn read(&mut self, what: &str, drive: &Drive, sensors: &AccelerometerPair) -> Result<TwistFit, LabError> {
         let trace = self.play(drive)?;
         let fit = fit_twist(&trace, &drive.envelope, drive.base_radps, sensors);
-        fit.map_err(|fault| LabFault::Rig(format!("{what}: {fault}")))
+        fit.map_err(|fault| LabError::Rig(format!("{what}: {fault}")))
     }
 
     /// The axes' response as determined by calibration.
-    pub fn axes(&mut self) -> Result<Axes, LabFault> {
+    pub fn axes(&mut self) -> Result<Axes, LabError> {
         self.calibrated(|session, params| session.axes(params))
     }
 
     /// Measurements by a session of calibration.
     pub fn calibrated<T>(
         &mut self,
-        measure: impl FnOnce(CalibrationSession<'_>, &CalibrationParams) -> Result<T, CalibrationFault>,
-    ) -> Result<T, LabFault> {
+        measure: impl FnOnce(CalibrationSession<'_>, &CalibrationParams) -> Result<T, CalibrationError>,
+    ) -> Result<T, LabError> {
         let (params, stop) = (CalibrationParams::full(Vec::new(), Vec::new()), AtomicBool::new(false));
         let mut quiet = |_| ();
         let session = CalibrationSession::new(&mut self.rig, &self.model, &stop, &mut quiet);
-        measure(session, &params).map_err(|fault| LabFault::Rig(fault.to_string()))
+        measure(session, &params).map_err(|fault| LabError::Rig(fault.to_string()))
     }
 }
 

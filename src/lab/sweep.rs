@@ -1,7 +1,7 @@
 //! One parameter over a range, its points in parallel: `--sweep duty=0.5:1:26`.
 
 use super::settings::key_and_numbers;
-use super::{DataSheet, ExperimentResult, Figure, LabFault};
+use super::{DataSheet, ExperimentResult, Figure, LabError};
 use upm_chart::{Chart, Color};
 use upm_core::background::on_all_cores;
 
@@ -51,13 +51,13 @@ impl Sweep {
     /// The first fault, where no value can be measured.
     pub(super) fn run(
         &self,
-        measure: impl Fn(f64) -> Result<ExperimentResult, LabFault> + Sync,
+        measure: impl Fn(f64) -> Result<ExperimentResult, LabError> + Sync,
         progress: Progress<'_>,
-    ) -> Result<ExperimentResult, LabFault> {
+    ) -> Result<ExperimentResult, LabError> {
         let values = self.values();
         let found = on_all_cores(&values, progress, |&value| measure(value));
         let Some(first) = found.iter().flatten().next() else {
-            return Err(found.into_iter().find_map(Result::err).unwrap_or(LabFault::Setting("no points".into())));
+            return Err(found.into_iter().find_map(Result::err).unwrap_or(LabError::Setting("no points".into())));
         };
         let mut sheet = DataSheet::new([self.key.as_str()], values.iter().map(|&value| vec![value]).collect());
         let mut charts = Vec::new();
@@ -75,7 +75,7 @@ impl Sweep {
     }
 
     /// Notes of the points and reasons of those that fail; neighbours that say the same share a line.
-    fn notes(&self, values: &[f64], found: &[Result<ExperimentResult, LabFault>]) -> Vec<String> {
+    fn notes(&self, values: &[f64], found: &[Result<ExperimentResult, LabError>]) -> Vec<String> {
         let mut lines: Vec<(String, [usize; 2])> = Vec::new();
         for (i, found) in found.iter().enumerate() {
             let said = found.as_ref().map_or_else(|fault| vec![fault.to_string()], |outcome| outcome.notes.clone());
@@ -122,7 +122,7 @@ mod tests {
     fn points_are_in_order_and_those_that_fail_are_empty() {
         let sweep = Sweep { key: "x".into(), ends: [0.0, 9.0], points: 10 };
         let measure = |x: f64| match x {
-            4.0 => Err(LabFault::Setting("four".into())),
+            4.0 => Err(LabError::Setting("four".into())),
             x => Ok(ExperimentResult {
                 figures: vec![Figure::against("square", "mm", x * x, x, "line")],
                 notes: if x < 3.0 { vec!["small".into()] } else { Vec::new() },
@@ -138,7 +138,7 @@ mod tests {
         assert_eq!(outcome.notes, ["x=0 to 2: small", "x=4: four"]);
         let seen = seen.into_inner().unwrap();
         assert!(seen.len() == 10 && seen.is_sorted() && seen[9] == 1.0, "{seen:?}");
-        let all_fail = |_| Err(LabFault::Setting("never".into()));
-        assert_eq!(sweep.run(all_fail, &|_| ()).unwrap_err(), LabFault::Setting("never".into()));
+        let all_fail = |_| Err(LabError::Setting("never".into()));
+        assert_eq!(sweep.run(all_fail, &|_| ()).unwrap_err(), LabError::Setting("never".into()));
     }
 }

@@ -13,7 +13,7 @@ use self::trials::{Band, TrialScatter, band};
 use super::settings::{Field, Setting, settings};
 use super::sweep::Progress;
 use super::texts::{chart, figures};
-use super::{ExperimentResult, LabFault};
+use super::{ExperimentResult, LabError};
 use upm_chart::{Chart, Color};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -65,10 +65,10 @@ impl Topple {
 /// # Errors
 ///
 /// A ledge as high as the part's centre.
-pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let peg = topple.peg();
     let too_high = || {
-        LabFault::Setting(format!(
+        LabError::Setting(format!(
             "ledge_mm: expected less than {} (half of the part's height), found {}",
             mm_from_m(0.5 * peg.height_m),
             mm_from_m(topple.ledge_m)
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
     use crate::settings::{assigned, assignment};
 
-    fn set(text: &str) -> Result<ExperimentResult, LabFault> {
+    fn set(text: &str) -> Result<ExperimentResult, LabError> {
         let assignments: Vec<_> = text.split_whitespace().map(|one| assignment(one).unwrap()).collect();
         measure(&assigned(SETTINGS, &Topple::published(), &assignments)?, &|_| ())
     }

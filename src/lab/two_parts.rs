@@ -14,7 +14,7 @@ use self::plan::{CENTERS, PartPositions, flow};
 use self::task::{StepSeries, TwoPartProblem};
 use super::pulses::strongest_spin;
 use super::sweep::Progress;
-use super::{ExperimentResult, LabFault, LabRig};
+use super::{ExperimentResult, LabError, LabRig};
 use upm_core::job::PlateMode;
 
 /// Makes one large step with two parts about four centres, then the same in more observations: in the ideal field, on a
@@ -22,9 +22,9 @@ use upm_core::job::PlateMode;
 ///
 /// # Errors
 ///
-/// [`LabFault::Rig`] when the four fields are dependent, when parts stick or creep backwards, when longer pulses do not
+/// [`LabError::Rig`] when the four fields are dependent, when parts stick or creep backwards, when longer pulses do not
 /// carry a part further, and when the rig's figures give no valid pulse. A step that fails on a plate is a figure.
-pub fn two_parts(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn two_parts(rig: &LabRig, _: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let task = TwoPartProblem::on(rig);
     let exactly =
         |parts: &PartPositions, center: usize, d: f64| Ok(parts.map(|part| flow(task.centers_m[center], part, d)));

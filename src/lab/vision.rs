@@ -4,7 +4,7 @@ mod verdict_counts;
 mod verdicts;
 
 use super::sweep::Progress;
-use super::{ExperimentResult, LabFault, LabRig};
+use super::{ExperimentResult, LabError, LabRig};
 use upm_core::background::on_all_cores;
 use upm_scene::{Difficulty, Scene};
 use verdict_counts::{figures, notes};
@@ -19,7 +19,7 @@ const SCENES: usize = 50;
 /// # Errors
 ///
 /// None: the seed is all that it takes from the rig.
-pub fn vision(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn vision(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabError> {
     Ok(vision_of(lab.seed, SCENES, progress))
 }
 

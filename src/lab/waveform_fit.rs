@@ -6,7 +6,7 @@ use super::recorded::{fit, waveform_fit_of};
 use super::shaken::{BarePlate, steady_motion};
 use super::sweep::Progress;
 use super::texts::figure;
-use super::{ExperimentResult, Figure, LabFault, LabRig};
+use super::{ExperimentResult, Figure, LabError, LabRig};
 use upm_control::calibration::{Axes, AxisResonance};
 use upm_core::signal::{Drive, RecordedPulse};
 use upm_core::units::mm_from_m;
@@ -29,8 +29,8 @@ const AXES: [&str; 3] = ["x", "y", "spin"];
 ///
 /// # Errors
 ///
-/// [`LabFault::Rig`] when calibration refuses the rig, the rig refuses a pulse, or a trace cannot be read.
-pub fn waveform_fit(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+/// [`LabError::Rig`] when calibration refuses the rig, the rig refuses a pulse, or a trace cannot be read.
+pub fn waveform_fit(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let mut plate = BarePlate::new(lab);
     let axes = plate.axes()?;
     let mut outcome = one_pulse(lab, &mut plate, &axes)?;
@@ -40,7 +40,7 @@ pub fn waveform_fit(lab: &LabRig, progress: Progress<'_>) -> Result<ExperimentRe
     Ok(outcome)
 }
 
-fn one_pulse(lab: &LabRig, plate: &mut BarePlate, axes: &Axes) -> Result<ExperimentResult, LabFault> {
+fn one_pulse(lab: &LabRig, plate: &mut BarePlate, axes: &Axes) -> Result<ExperimentResult, LabError> {
     let drive = drive(lab, &axes.shapes);
     let recorded = RecordedPulse {
         trace: plate.play(&drive)?,
@@ -50,7 +50,7 @@ fn one_pulse(lab: &LabRig, plate: &mut BarePlate, axes: &Axes) -> Result<Experim
         channel_gain: axes.accelerometer_gain,
     };
     let mut outcome = waveform_fit_of(&recorded)?;
-    let fit = fit(&recorded).map_err(|fault| LabFault::Rig(format!("pulse: {fault}")))?;
+    let fit = fit(&recorded).map_err(|fault| LabError::Rig(format!("pulse: {fault}")))?;
     outcome.figures.extend(against_truth(lab, &drive, &fit));
     Ok(outcome)
 }
@@ -77,7 +77,7 @@ fn against_truth(lab: &LabRig, drive: &Drive, fit: &TwistFit) -> Vec<Figure> {
 }
 
 /// Adds natural frequency and damping ratio of every axis to `outcome`.
-fn add_resonances(lab: &LabRig, plate: &mut BarePlate, outcome: &mut ExperimentResult) -> Result<(), LabFault> {
+fn add_resonances(lab: &LabRig, plate: &mut BarePlate, outcome: &mut ExperimentResult) -> Result<(), LabError> {
     let Some(found) = plate.calibrated(|session, params| session.resonances(params))? else {
         outcome.notes.push("resonances: the rig's longest sustain is too short to tell them".to_owned());
         return Ok(());

@@ -21,7 +21,7 @@ pub use pump::{force_sign, nearest_pump};
 pub use rigid::twist_from_corners;
 pub use spectrum::{OscillatorFit, amplitude_spectrum, axis_lines, fit_oscillator};
 pub use take_over::TakeOver;
-pub use types::{AccelerometerPair, AxisPhasors, Coefficients, FitFault, PlateFit, PumpWaveQuality, TwistFit, WaveFit};
+pub use types::{AccelerometerPair, AxisPhasors, Coefficients, FitError, PlateFit, PumpWaveQuality, TwistFit, WaveFit};
 pub use wave::fit_wave;
 pub use window::{MAX_PERIODS, SteadyWindow, accelerations_mps2, sustain_window};
 
@@ -44,7 +44,7 @@ pub fn fit_twist(
     envelope: &Envelope,
     base_radps: f64,
     sensors: &AccelerometerPair,
-) -> Result<TwistFit, FitFault> {
+) -> Result<TwistFit, FitError> {
     let motion = fit_wave(trace, envelope, base_radps, 2, sensors)?;
     let axes = axis_phasors(&motion.wave);
     let (pump, quality) = nearest_pump(&axes, sensors.position_m.norm());
@@ -52,21 +52,21 @@ pub fn fit_twist(
     Ok(TwistFit { motion, accel_mps2, axes, pump, quality })
 }
 
-fn refuse_bad(sensors: &AccelerometerPair) -> Result<(), FitFault> {
+fn refuse_bad(sensors: &AccelerometerPair) -> Result<(), FitError> {
     let arm_m = sensors.position_m.norm();
     if !(arm_m.is_finite() && arm_m > 0.0) {
-        return Err(FitFault::Unreadable("accelerometers have no distance between them"));
+        return Err(FitError::Unreadable("accelerometers have no distance between them"));
     }
     if !sensors.gain.iter().all(|gain| gain.is_finite() && *gain > 0.0) {
-        return Err(FitFault::Unreadable("a gain is not a number above 0"));
+        return Err(FitError::Unreadable("a gain is not a number above 0"));
     }
     Ok(())
 }
 
 /// Rejects a trace that ends within the sustain: samples were lost in transmission, and how many is unknown.
-fn refuse_cut_short(trace: &AccelTrace, envelope: &Envelope) -> Result<(), FitFault> {
+fn refuse_cut_short(trace: &AccelTrace, envelope: &Envelope) -> Result<(), FitError> {
     let (found_s, needed_s) = (trace.time_s(trace.len().saturating_sub(1)), envelope.attack_s + envelope.sustain_s);
-    if found_s + 1.5 / trace.sample_hz >= needed_s { Ok(()) } else { Err(FitFault::CutShort { found_s, needed_s }) }
+    if found_s + 1.5 / trace.sample_hz >= needed_s { Ok(()) } else { Err(FitError::CutShort { found_s, needed_s }) }
 }
 
 /// The first two harmonics of `wave` as phasors of x, y and spin; missing harmonics are zero.

@@ -35,7 +35,7 @@ mod tracking_tests;
 mod types;
 
 pub use coins::CoinFinder;
-pub use locate::{TableFault, locate_corners, locate_table};
+pub use locate::{TableError, locate_corners, locate_table};
 pub use plate_watch::{PlateOccupancy, PlateWatch};
 pub use survey::{seen_outline_m, survey};
 pub use table::focal_from_corners;

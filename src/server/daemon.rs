@@ -6,7 +6,7 @@ mod start;
 #[cfg(test)]
 mod tests;
 
-pub use crate::store::StoreFault;
+pub use crate::store::StoreError;
 pub use estop_socket::{ESTOP_SOCKET, EmergencyStops, LocalStopAnswer, LocalStopRequest, stop_locally};
 pub use prepare::{Prepared, keep_files_private, prepare};
-pub use start::{Daemon, ExitReport, StartFault};
+pub use start::{Daemon, ExitReport, StartError};

@@ -28,7 +28,7 @@ use schema::{VERSION, open_database};
 pub use ids::JobId;
 pub(crate) use run_folders::low_disk;
 pub use run_folders::open_run_file;
-pub use types::{AuditEntry, Job, JobEnd, JobRow, JobWithSpec, RecoveryReport, StoreFault, StoreLimits, SubmitOutcome};
+pub use types::{AuditEntry, Job, JobEnd, JobRow, JobWithSpec, RecoveryReport, StoreError, StoreLimits, SubmitOutcome};
 
 pub use crate::states::{JobState, RecordingStatus};
 pub use upm_core::job::Pace;
@@ -42,7 +42,7 @@ pub struct Store {
     limits: StoreLimits,
     now: fn() -> Timestamp,
     /// Fault of the last write; `None` when it succeeded.
-    fault: Mutex<Option<StoreFault>>,
+    fault: Mutex<Option<StoreError>>,
     /// Bytes in run folders of ended jobs.
     runs_bytes: AtomicU64,
 }
@@ -78,7 +78,7 @@ impl Store {
         plates: &[String],
         limits: StoreLimits,
         now: fn() -> Timestamp,
-    ) -> Result<(Self, RecoveryReport), StoreFault> {
+    ) -> Result<(Self, RecoveryReport), StoreError> {
         let runs = data.join("runs");
         fs::create_dir_all(data).map_err(|error| with_path(data, error))?;
         let lock = lock(data)?;
@@ -104,7 +104,7 @@ impl Store {
     }
 
     /// Fault of the last write; `None` when it succeeded.
-    pub fn fault(&self) -> Option<StoreFault> {
+    pub fn fault(&self) -> Option<StoreError> {
         self.fault.lock().clone()
     }
 
@@ -125,23 +125,23 @@ impl Store {
         ended.is_ok()
     }
 
-    fn read<T>(&self, read: impl FnOnce(&Connection) -> rusqlite::Result<T>) -> Result<T, StoreFault> {
+    fn read<T>(&self, read: impl FnOnce(&Connection) -> rusqlite::Result<T>) -> Result<T, StoreError> {
         let opened = self.opened.lock();
-        let opened = opened.as_ref().ok_or(StoreFault::Closed)?;
+        let opened = opened.as_ref().ok_or(StoreError::Closed)?;
         Ok(read(&opened.connection)?)
     }
 
     /// Runs `act` in a transaction; what it wrote is on the disk when this returns.
-    fn write<T>(&self, act: impl FnOnce(&Write<'_>) -> Result<T, StoreFault>) -> Result<T, StoreFault> {
+    fn write<T>(&self, act: impl FnOnce(&Write<'_>) -> Result<T, StoreError>) -> Result<T, StoreError> {
         self.write_in(&mut self.opened.lock(), act)
     }
 
     fn write_in<T>(
         &self,
         opened: &mut Option<Opened>,
-        act: impl FnOnce(&Write<'_>) -> Result<T, StoreFault>,
-    ) -> Result<T, StoreFault> {
-        let Opened { connection, .. } = opened.as_mut().ok_or(StoreFault::Closed)?;
+        act: impl FnOnce(&Write<'_>) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        let Opened { connection, .. } = opened.as_mut().ok_or(StoreError::Closed)?;
         let written = (|| {
             let tx = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
             let write = Write { tx, now: (self.now)() };
@@ -155,25 +155,25 @@ impl Store {
 }
 
 /// The exclusive lock of the data folder.
-fn lock(data: &Path) -> Result<File, StoreFault> {
+fn lock(data: &Path) -> Result<File, StoreError> {
     let path = data.join("lock");
     let file = File::options().write(true).create(true).truncate(false).open(&path);
     let file = file.map_err(|error| with_path(&path, error))?;
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => {
-            Err(StoreFault::Io(format!("{} belongs to another daemon that is running", data.display())))
+            Err(StoreError::Io(format!("{} belongs to another daemon that is running", data.display())))
         }
         Err(TryLockError::Error(error)) => Err(with_path(&path, error)),
     }
 }
 
 /// The fault of an operation on `path`.
-fn with_path(path: &Path, fault: impl Into<StoreFault>) -> StoreFault {
+fn with_path(path: &Path, fault: impl Into<StoreError>) -> StoreError {
     let file = path.display();
     match fault.into() {
-        StoreFault::Io(reason) => StoreFault::Io(format!("{file}: {reason}")),
-        StoreFault::Corrupt(reason) => StoreFault::Corrupt(format!("{file}: {reason}")),
+        StoreError::Io(reason) => StoreError::Io(format!("{file}: {reason}")),
+        StoreError::Corrupt(reason) => StoreError::Corrupt(format!("{file}: {reason}")),
         other => other,
     }
 }

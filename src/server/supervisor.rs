@@ -25,7 +25,7 @@ mod worker;
 
 pub use plate::PlateHandle;
 pub use start::PlateSupervisor;
-pub(crate) use types::ResetFault;
+pub(crate) use types::ResetError;
 pub use types::{Observation, Plate};
 
 pub use crate::states::PlateState;

@@ -1,4 +1,4 @@
-use upm_core::rig::{Interlock, InterlockGuard, RigFault, Trip};
+use upm_core::rig::{Interlock, InterlockGuard, RigError, Trip};
 use upm_core::time::PlateTime;
 
 /// The rig's side of its interlock. A rig without an interlock is never stopped from outside.
@@ -10,10 +10,10 @@ pub(super) struct InterlockPort {
 }
 
 impl InterlockPort {
-    pub(super) fn attach(&mut self, interlock: &Interlock, now: PlateTime) -> Result<(), RigFault> {
+    pub(super) fn attach(&mut self, interlock: &Interlock, now: PlateTime) -> Result<(), RigError> {
         match interlock.attach(now) {
             Some(guard) => self.guard = Some(guard),
-            None => return Err(RigFault::Device("the interlock is fitted to another rig".into())),
+            None => return Err(RigError::Device("the interlock is fitted to another rig".into())),
         }
         Ok(())
     }
@@ -23,13 +23,13 @@ impl InterlockPort {
     }
 
     /// Returns `Err` once tripped.
-    pub(super) fn check(&self) -> Result<(), RigFault> {
-        self.tripped().map_or(Ok(()), |trip| Err(RigFault::Stopped(trip)))
+    pub(super) fn check(&self) -> Result<(), RigError> {
+        self.tripped().map_or(Ok(()), |trip| Err(RigError::Stopped(trip)))
     }
 
     /// Marks the start of a pulse; refused once tripped.
-    pub(super) fn energize(&mut self) -> Result<(), RigFault> {
-        self.guard.as_ref().map_or(Ok(()), |guard| guard.energize()).map_err(RigFault::Stopped)?;
+    pub(super) fn energize(&mut self) -> Result<(), RigError> {
+        self.guard.as_ref().map_or(Ok(()), |guard| guard.energize()).map_err(RigError::Stopped)?;
         self.driving = true;
         Ok(())
     }

@@ -9,7 +9,7 @@ use super::{Camera, PartParams, Plant, SimParams, Snapshot};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
 use upm_core::random::{Rng, Streams};
-use upm_core::rig::{Interlock, Rig, RigFault, RigModel};
+use upm_core::rig::{Interlock, Rig, RigError, RigModel};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
 
@@ -64,8 +64,8 @@ impl SimRig {
     /// Puts the motors under `interlock` for the lifetime of this rig; see [`Interlock`] for its ownership.
     ///
     /// # Errors
-    /// [`RigFault::Device`] when `interlock` is already attached to a rig.
-    pub fn attach(&mut self, interlock: Interlock) -> Result<(), RigFault> {
+    /// [`RigError::Device`] when `interlock` is already attached to a rig.
+    pub fn attach(&mut self, interlock: Interlock) -> Result<(), RigError> {
         self.port.attach(&interlock, self.now())
     }
 
@@ -96,7 +96,7 @@ impl SimRig {
     }
 
     /// Sets the motors to zero and returns `Err` once the interlock has tripped.
-    fn stop_if_tripped(&mut self) -> Result<(), RigFault> {
+    fn stop_if_tripped(&mut self) -> Result<(), RigError> {
         let checked = self.port.check();
         if checked.is_err() {
             self.stop();
@@ -123,8 +123,8 @@ impl SimRig {
         });
     }
 
-    fn check(&self, drive: &Drive) -> Result<(), RigFault> {
-        let bad = |what: &str| Err(RigFault::BadDrive(what.to_owned()));
+    fn check(&self, drive: &Drive) -> Result<(), RigError> {
+        let bad = |what: &str| Err(RigError::BadDrive(what.to_owned()));
         let envelope = &drive.envelope;
         if !(drive.base_radps.is_finite() && drive.base_radps > 0.0) {
             return bad("the base frequency is not a positive number");
@@ -145,9 +145,9 @@ impl SimRig {
     }
 
     /// `Err` for a drive that peaks at `peak_counts`.
-    fn check_peak(&self, peak_counts: f64) -> Result<(), RigFault> {
+    fn check_peak(&self, peak_counts: f64) -> Result<(), RigError> {
         let limit_counts = self.model.count_limit;
-        if peak_counts > limit_counts { Err(RigFault::DriveTooStrong { peak_counts, limit_counts }) } else { Ok(()) }
+        if peak_counts > limit_counts { Err(RigError::DriveTooStrong { peak_counts, limit_counts }) } else { Ok(()) }
     }
 }
 
@@ -156,11 +156,11 @@ impl Rig for SimRig {
         self.plant.now()
     }
 
-    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+    fn play(&mut self, drive: &Drive) -> Result<(), RigError> {
         self.stop_if_tripped()?;
         self.check(drive)?;
         if self.now() < self.settled_at {
-            return Err(RigFault::Busy(self.settled_at));
+            return Err(RigError::Busy(self.settled_at));
         }
         // the bound holds for every sustain, and these samples for this one
         if drive.peak_counts() > self.model.count_limit {
@@ -177,11 +177,11 @@ impl Rig for SimRig {
         true
     }
 
-    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
+    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigError> {
         self.stop_if_tripped()?;
         self.check(drive)?;
         self.check_peak(self.plant.motors.peak_of_take_over(drive, self.model.count_limit))?;
-        let start = self.now() + self.plant.take_over(drive.clone()).ok_or(RigFault::TooLate)?;
+        let start = self.now() + self.plant.take_over(drive.clone()).ok_or(RigError::TooLate)?;
         self.settled_at = start + drive.envelope.total_s();
         self.rest_s = drive.envelope.rest_s;
         Ok(start)
@@ -191,7 +191,7 @@ impl Rig for SimRig {
         self.settled_at
     }
 
-    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigError> {
         self.stop_if_tripped()?;
         let exposure = Exposure::next(&self.camera.params, self.exposure_factor, self.now(), self.last_frame);
         self.advance_to(exposure.opens);
@@ -236,7 +236,7 @@ impl Rig for SimRig {
         self.settled_at = self.settled_at.min(self.now() + self.rest_s);
     }
 
-    fn pass(&mut self, until: PlateTime) -> Result<(), RigFault> {
+    fn pass(&mut self, until: PlateTime) -> Result<(), RigError> {
         let lease_ends = self.now() + Interlock::LEASE_S;
         if !self.port.driving || until <= lease_ends {
             self.advance_to(until);
@@ -246,7 +246,7 @@ impl Rig for SimRig {
         let trip = self.port.lease_expired(self.now());
         self.stop();
         self.advance_to(until);
-        Err(RigFault::Stopped(trip))
+        Err(RigError::Stopped(trip))
     }
 }
 

@@ -5,7 +5,7 @@ use nalgebra::{Complex, Matrix3};
 use super::axis_pulse::{AROUND, AxisPulse, NAMES};
 use super::coils::CoilGains;
 use super::fault::LEAST_LAG_DEG;
-use super::{CalibrationFault, CalibrationParams, CalibrationSession, MiswiredChannel};
+use super::{CalibrationError, CalibrationParams, CalibrationSession, MiswiredChannel};
 use upm_core::phasor::argument;
 use upm_core::rig::RigModel;
 use upm_core::signal::{CHANNELS, Harmonic, MotorArrangement};
@@ -47,7 +47,7 @@ fn axis_amplitudes(arrangement: MotorArrangement, axis: usize, counts: i32) -> (
 pub(super) fn measure(
     session: &mut CalibrationSession<'_>,
     params: &CalibrationParams,
-) -> Result<Axes, CalibrationFault> {
+) -> Result<Axes, CalibrationError> {
     let sustain_s = session.read_sustain_s(params.read_sustain_s.max(0.25));
     let arrangement = session.model.motor_arrangement;
     let mut shapes = [AxisShape::FREE_MASS; 3];
@@ -86,16 +86,16 @@ fn check(
     pulses: &[AxisPulse; 3],
     shapes: &[AxisShape; 3],
     responses: &[AxisPhasors; 3],
-) -> Result<(), CalibrationFault> {
+) -> Result<(), CalibrationError> {
     // One pulse each of x, y and spin shows channels that are dead, reversed or off in gain, the worst first, and
     // readings that fit no rigid plate.
     let found = check_channels(&pulses.each_ref().map(|pulse| pulse.shown), session.sensors.position_m);
-    let fault = |channel, fault| Err(CalibrationFault::Channel { channel, fault });
+    let fault = |channel, fault| Err(CalibrationError::Channel { channel, fault });
     if let Some((channel, share)) = worst(found.share, |share| share < DEAD_CHANNEL, |share| -share) {
         return fault(channel, MiswiredChannel::Dead { share });
     }
     if found.misfit > CHANNEL_MISFIT {
-        return Err(CalibrationFault::NotRigid { misfit: found.misfit });
+        return Err(CalibrationError::NotRigid { misfit: found.misfit });
     }
     let plausible = |gain: f64| (CHANNEL_GAIN.0..=CHANNEL_GAIN.1).contains(&gain);
     if let Some((channel, gain)) = worst(found.gain, |gain| !plausible(gain), |gain| (gain - 1.0).abs()) {
@@ -108,7 +108,7 @@ fn check(
         let lag_deg = -argument(responses[axis].first / shapes[axis].0[0].phasor()).to_degrees();
         if lag_deg.is_nan() || lag_deg < LEAST_LAG_DEG {
             let base_hz = session.model.base_radps / TAU;
-            return Err(CalibrationFault::Resonance { axis: NAMES[axis], lag_deg, base_hz });
+            return Err(CalibrationError::Resonance { axis: NAMES[axis], lag_deg, base_hz });
         }
     }
     second.check_gains(&first)

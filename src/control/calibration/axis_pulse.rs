@@ -1,6 +1,6 @@
-use super::{CalibrationFault, CalibrationSession};
+use super::{CalibrationError, CalibrationSession};
 use upm_core::signal::{CHANNELS, Drive, MOTORS};
-use upm_perception::estimation::{Coefficients, FitFault, TwistFit};
+use upm_perception::estimation::{Coefficients, FitError, TwistFit};
 
 /// Names of the axes in faults.
 pub(super) const NAMES: [&str; 3] = ["axis x", "axis y", "axis spin"];
@@ -22,11 +22,11 @@ impl AxisPulse {
         session: &mut CalibrationSession<'_>,
         axis: usize,
         drive: Drive,
-    ) -> Result<(Self, [TwistFit; 2]), CalibrationFault> {
+    ) -> Result<(Self, [TwistFit; 2]), CalibrationError> {
         let read = |session: &mut CalibrationSession<'_>, drive: &Drive| {
             session.read_twist(NAMES[axis], drive).map_err(|fault| match fault {
-                CalibrationFault::Trace { fault: FitFault::TooWeak { found_mps2, needed_mps2 }, .. } => {
-                    CalibrationFault::Still { axis: NAMES[axis], found_mps2, needed_mps2 }
+                CalibrationError::Trace { fault: FitError::TooWeak { found_mps2, needed_mps2 }, .. } => {
+                    CalibrationError::Still { axis: NAMES[axis], found_mps2, needed_mps2 }
                 }
                 other => other,
             })

@@ -1,7 +1,7 @@
 use super::axes::Axes;
 use super::axis_pulse::{AxisPulse, NAMES};
 use super::coils::CoilGains;
-use super::{CalibrationFault, CalibrationSession, RigComponent};
+use super::{CalibrationError, CalibrationSession, RigComponent};
 use upm_core::signal::CHANNELS;
 use upm_perception::estimation::Coefficients;
 
@@ -10,7 +10,7 @@ use upm_perception::estimation::Coefficients;
 const ALLOWED: f64 = 0.03;
 
 /// Plays the opening pulses again and refuses a rig that has changed since.
-pub(super) fn check(session: &mut CalibrationSession<'_>, axes: &Axes) -> Result<(), CalibrationFault> {
+pub(super) fn check(session: &mut CalibrationSession<'_>, axes: &Axes) -> Result<(), CalibrationError> {
     let mut closing: [AxisPulse; 3] = Default::default();
     for (axis, opening) in axes.opening.iter().enumerate() {
         session.report("closing", axis, closing.len());
@@ -23,7 +23,7 @@ pub(super) fn check(session: &mut CalibrationSession<'_>, axes: &Axes) -> Result
         .map(|(channel, change)| (RigComponent::Channel(channel), change))
         .or_else(|| coil(session, &axes.opening, &closing))
         .unwrap_or((RigComponent::Axis(NAMES[axis]), change));
-    Err(CalibrationFault::Changed { component, change, allowed: ALLOWED })
+    Err(CalibrationError::Changed { component, change, allowed: ALLOWED })
 }
 
 /// The channel that changed and its relative change, if it is the only one.

@@ -8,7 +8,7 @@
 use nalgebra::{Complex, Matrix3, Matrix3x4, Matrix4, Matrix4x3};
 
 use super::axis_pulse::AxisPulse;
-use super::{CalibrationFault, CoilFault};
+use super::{CalibrationError, CoilError};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::phasor::{argument, polar};
 use upm_core::rig::RigModel;
@@ -79,38 +79,38 @@ impl CoilGains {
     }
 
     /// Refuses two exchanged coils, and dead or reversed ones, where that explains the readings.
-    pub fn check_working(&self) -> Result<(), CalibrationFault> {
+    pub fn check_working(&self) -> Result<(), CalibrationError> {
         let (swap, misfit) = self.swapped();
         if misfit < SWAPPED_MISFIT && misfit < 0.5 * self.misfit {
             let [coil, other] = swap;
-            return Err(CalibrationFault::Coil { coil, fault: CoilFault::Swapped { other } });
+            return Err(CalibrationError::Coil { coil, fault: CoilError::Swapped { other } });
         }
         let gains = Motor::ALL.into_iter().zip(self.gain);
         let (coil, gain) = gains.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((Motor::X1, f64::NAN));
         if self.misfit > MISFIT || gain >= DEAD {
             return Ok(());
         }
-        let fault = if gain < -DEAD { CoilFault::Reversed { gain } } else { CoilFault::Dead { gain } };
-        Err(CalibrationFault::Coil { coil, fault })
+        let fault = if gain < -DEAD { CoilError::Reversed { gain } } else { CoilError::Dead { gain } };
+        Err(CalibrationError::Coil { coil, fault })
     }
 
     /// Refuses gains that contradict the rig file or each other. `first` holds those of the first harmonic: resonances
     /// raise them and a low-pass lowers those of the second, so a faulty coil is one that is off in both.
-    pub fn check_gains(&self, first: &Self) -> Result<(), CalibrationFault> {
+    pub fn check_gains(&self, first: &Self) -> Result<(), CalibrationError> {
         if self.misfit > MISFIT {
-            return Err(CalibrationFault::Coupled { misfit: self.misfit });
+            return Err(CalibrationError::Coupled { misfit: self.misfit });
         }
         let mean = self.gain.iter().sum::<f64>() / MOTORS as f64;
         let of = |coil: usize| (Motor::ALL[coil], self.gain[coil] / mean);
         let unlike = |&(_, ratio): &(Motor, f64)| (ratio - 1.0).abs();
         let worst = (0..MOTORS).map(of).max_by(|a, b| unlike(a).total_cmp(&unlike(b)));
         if let Some((coil, ratio)) = worst.filter(|worst| unlike(worst) > UNLIKE) {
-            return Err(CalibrationFault::Coil { coil, fault: CoilFault::Unlike { ratio } });
+            return Err(CalibrationError::Coil { coil, fault: CoilError::Unlike { ratio } });
         }
         for (coil, (&a, &b)) in Motor::ALL.into_iter().zip(self.gain.iter().zip(&first.gain)) {
             let gain = if (a - 1.0).abs() < (b - 1.0).abs() { a } else { b };
             if !(GAIN.0..=GAIN.1).contains(&gain) {
-                return Err(CalibrationFault::Coil { coil, fault: CoilFault::Gain { gain } });
+                return Err(CalibrationError::Coil { coil, fault: CoilError::Gain { gain } });
             }
         }
         Ok(())

@@ -7,7 +7,7 @@ use super::super::guards::Guards;
 use super::super::perception::{FramePurpose, Perception};
 use super::super::run_end::into_result;
 use super::steering::SteeringMotion;
-use super::{CalibrationFault, CalibrationParams, CalibrationSession};
+use super::{CalibrationError, CalibrationParams, CalibrationSession};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::job::Finding;
 use upm_core::units::mm_from_m;
@@ -65,7 +65,7 @@ pub(super) fn measure(
     session: &mut CalibrationSession<'_>,
     library: &Library,
     params: &CalibrationParams,
-) -> Result<(DisplacementModel, CameraNoise), CalibrationFault> {
+) -> Result<(DisplacementModel, CameraNoise), CalibrationError> {
     let guards = Guards { without: Some(Finding::PartsJumped), ..Guards::default() };
     let opened = Perception::open(&mut session.io(&mut SilentSink), &params.kinds, &params.coins, guards);
     let perception = into_result(opened)?;
@@ -92,7 +92,7 @@ pub(super) fn measure(
     }
     if farthest < STILL_M {
         let peak_mps2 = session.peak_mps2();
-        return Err(CalibrationFault::TooWeak { moved_mm: farthest * 1e3, needed_mm: STILL_M * 1e3, peak_mps2 });
+        return Err(CalibrationError::TooWeak { moved_mm: farthest * 1e3, needed_mm: STILL_M * 1e3, peak_mps2 });
     }
     let periods = top_s * session.model.base_radps / TAU;
     let last = (periods * SUSTAINS_A_PERIOD).ceil().min(params.sustains as f64 - 1.0).max(1.0);
@@ -115,7 +115,7 @@ pub(super) fn measure(
 
 /// Refuses a rig whose opening pulses, which chose the longest sustain, carried coins differently than the closing
 /// ones; the pulses of that sustain come last.
-fn check_closing(opening: &[DisplacementSample], model: &DisplacementModel) -> Result<(), CalibrationFault> {
+fn check_closing(opening: &[DisplacementSample], model: &DisplacementModel) -> Result<(), CalibrationError> {
     let Some(&longest_s) = model.sustain_s.last().filter(|_| !opening.is_empty()) else { return Ok(()) };
     let count = opening.len() as f64;
     let mean = |of: &dyn Fn(&DisplacementSample) -> f64| opening.iter().map(of).sum::<f64>() / count;
@@ -127,7 +127,7 @@ fn check_closing(opening: &[DisplacementSample], model: &DisplacementModel) -> R
         return Ok(());
     }
     let [opening_mm, closing_mm, allowed_mm] = [opening_m, closing_m, allowed_m].map(mm_from_m);
-    Err(CalibrationFault::StepChanged { opening_mm, closing_mm, allowed_mm })
+    Err(CalibrationError::StepChanged { opening_mm, closing_mm, allowed_mm })
 }
 
 /// Motions that give coins all over the plate many speeds in many directions: centres on the plate and outside it, and
@@ -156,7 +156,7 @@ fn pulse(
     params: &CalibrationParams,
     (entry, reversed): (usize, bool),
     (sustain, sustain_s): (usize, f64),
-) -> Result<Vec<DisplacementSample>, CalibrationFault> {
+) -> Result<Vec<DisplacementSample>, CalibrationError> {
     let before = looks.again(session)?;
     let (Some(motion), Some(drive)) = (library.entries.get(entry), library.drive(entry, sustain_s)) else {
         return Ok(Vec::new());
@@ -186,7 +186,7 @@ fn pulse(
 
 impl Looks {
     /// Looks once more at coins that rest where they were last seen.
-    fn again(&mut self, session: &mut CalibrationSession<'_>) -> Result<Vec<Vec2>, CalibrationFault> {
+    fn again(&mut self, session: &mut CalibrationSession<'_>) -> Result<Vec<Vec2>, CalibrationError> {
         let places_m = observe_at_rest(session, &mut self.perception)?;
         let apart_m2 = self.last_m.iter().zip(&places_m).map(|(last, place)| (place - last).norm_squared());
         self.places_m2 = (self.places_m2.0 + apart_m2.sum::<f64>(), self.places_m2.1 + 2 * self.last_m.len());
@@ -206,7 +206,7 @@ impl Looks {
 fn observe_at_rest(
     session: &mut CalibrationSession<'_>,
     perception: &mut Perception,
-) -> Result<Vec<Vec2>, CalibrationFault> {
+) -> Result<Vec<Vec2>, CalibrationError> {
     const LOOKS: usize = 120;
     for _ in 0..LOOKS {
         session.stop_check()?;
@@ -215,7 +215,7 @@ fn observe_at_rest(
             return Ok(perception.positions_m());
         }
     }
-    Err(CalibrationFault::Unseen("a coin was lost during calibration".into()))
+    Err(CalibrationError::Unseen("a coin was lost during calibration".into()))
 }
 
 /// Least squares of a piecewise linear curve over speed for every sustain; distances never fall with sustain.

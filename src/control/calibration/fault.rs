@@ -2,10 +2,10 @@ use std::fmt;
 
 use super::super::run_end::RunEnd;
 use upm_core::job::Outcome;
-use upm_core::rig::RigFault;
+use upm_core::rig::RigError;
 use upm_core::signal::{CHANNEL_NAMES, Motor};
 use upm_core::units::GRAVITY_MPS2;
-use upm_perception::estimation::FitFault;
+use upm_perception::estimation::FitError;
 
 /// Least velocity lag, degrees. Velocity lags force by 90° on a free mass and by 0° at resonance.
 pub(super) const LEAST_LAG_DEG: f64 = 45.0;
@@ -35,7 +35,7 @@ impl fmt::Display for RigComponent {
 
 /// Fault of a coil. Gains are multiples of the rig file's.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum CoilFault {
+pub enum CoilError {
     /// The coil gives no force.
     #[error("expected 0.7 to 1.3 of its nominal force, found {gain:.2} (dead: check its cable, fuse and amplifier)")]
     Dead {
@@ -101,10 +101,10 @@ pub enum MiswiredChannel {
 
 /// Reason for which a calibration yields no library.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum CalibrationFault {
+pub enum CalibrationError {
     /// The rig refused or failed.
     #[error("rig: {0}")]
-    Rig(#[from] RigFault),
+    Rig(#[from] RigError),
     /// Table or coins were not found.
     #[error("{0}")]
     Unseen(String),
@@ -114,7 +114,7 @@ pub enum CalibrationFault {
         /// Name of the measurement.
         what: String,
         /// The reason.
-        fault: FitFault,
+        fault: FitError,
     },
     /// A coil contradicts the rig file.
     #[error("{}: {fault}", RigComponent::Coil(*coil))]
@@ -122,7 +122,7 @@ pub enum CalibrationFault {
         /// Motor that the coil belongs to.
         coil: Motor,
         /// Deviation of its force or wiring from the rig file.
-        fault: CoilFault,
+        fault: CoilError,
     },
     /// An accelerometer channel contradicts the others.
     #[error("{}: {fault}", RigComponent::Channel(*channel))]
@@ -226,7 +226,7 @@ pub enum CalibrationFault {
     Stopped,
 }
 
-impl From<RunEnd> for CalibrationFault {
+impl From<RunEnd> for CalibrationError {
     fn from(ending: RunEnd) -> Self {
         match ending.outcome {
             Outcome::Cancelled => Self::Stopped,

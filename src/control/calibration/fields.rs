@@ -1,6 +1,6 @@
 use nalgebra::{Complex, Matrix3, Vector3};
 
-use super::{CalibrationFault, CalibrationSession};
+use super::{CalibrationError, CalibrationSession};
 use upm_core::rig::FieldDriveModel;
 use upm_core::signal::{Drive, Envelope, Harmonic};
 use upm_perception::estimation::{MAX_PERIODS, TwistFit};
@@ -15,7 +15,7 @@ const NAMES: [&str; 3] = ["field x", "field y", "field spin"];
 
 /// Plays every harmonic of the rig's synthesised motions on every axis, in both directions, and reads the plate's
 /// response on all three; `None` where the rig makes none.
-pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<FieldResponse>, CalibrationFault> {
+pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<FieldResponse>, CalibrationError> {
     let Some(fields) = session.model.fields else { return Ok(None) };
     let mut twist_from_counts = Vec::with_capacity(fields.harmonics);
     for k in 1..=fields.harmonics {
@@ -33,7 +33,7 @@ pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<Fie
             let moved = |of: usize, _: usize| (read(&there, of) - read(&back, of)) / Complex::from(2.0 * counts);
             response.set_column(axis, &Vector3::from_fn(moved));
         }
-        response.try_inverse().ok_or(CalibrationFault::Singular)?;
+        response.try_inverse().ok_or(CalibrationError::Singular)?;
         twist_from_counts.push(response);
     }
     Ok(Some(FieldResponse {

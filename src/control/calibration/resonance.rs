@@ -6,11 +6,11 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Complex, Vector3};
 
 use super::axis_pulse::AROUND;
-use super::{CalibrationFault, CalibrationSession};
+use super::{CalibrationError, CalibrationSession};
 use upm_core::phasor::polar;
 use upm_core::rig::RigModel;
 use upm_core::signal::{Drive, Envelope};
-use upm_perception::estimation::{FitFault, OscillatorFit, axis_lines, fit_oscillator};
+use upm_perception::estimation::{FitError, OscillatorFit, axis_lines, fit_oscillator};
 use upm_planning::cor_library::motor_harmonics;
 
 /// Longest period of the multisine, s: its first line is at 3.3 Hz, below the resonances of plates on springs.
@@ -41,23 +41,23 @@ pub struct AxisResonance {
 
 /// Finds the resonances of x, y and spin; the accelerometers' gains must be known. `None` where the rig's longest
 /// sustain holds too few periods to resolve them.
-pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<[AxisResonance; 3]>, CalibrationFault> {
+pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<[AxisResonance; 3]>, CalibrationError> {
     let mut found = Vec::with_capacity(3);
     for axis in 0..3 {
         match measure_axis(session, axis) {
             Ok(resonance) => found.push(resonance),
-            Err(CalibrationFault::Trace { fault: FitFault::Undetermined { .. }, .. }) => return Ok(None),
+            Err(CalibrationError::Trace { fault: FitError::Undetermined { .. }, .. }) => return Ok(None),
             Err(fault) => return Err(fault),
         }
     }
     Ok(found.try_into().ok())
 }
 
-fn measure_axis(session: &mut CalibrationSession<'_>, axis: usize) -> Result<AxisResonance, CalibrationFault> {
+fn measure_axis(session: &mut CalibrationSession<'_>, axis: usize) -> Result<AxisResonance, CalibrationError> {
     let mut drive = multisine(session, axis);
     for _ in 0..HALVINGS {
         match average(session, axis, &drive) {
-            Err(CalibrationFault::Trace { fault: FitFault::Clipped { .. }, .. }) => drive = drive.scaled(0.5),
+            Err(CalibrationError::Trace { fault: FitError::Clipped { .. }, .. }) => drive = drive.scaled(0.5),
             answer => return answer,
         }
     }
@@ -70,8 +70,8 @@ fn average(
     session: &mut CalibrationSession<'_>,
     axis: usize,
     drive: &Drive,
-) -> Result<AxisResonance, CalibrationFault> {
-    let fault = |fault| CalibrationFault::Trace { what: NAMES[axis].to_owned(), fault };
+) -> Result<AxisResonance, CalibrationError> {
+    let fault = |fault| CalibrationError::Trace { what: NAMES[axis].to_owned(), fault };
     let mut accel = vec![Complex::default(); LINES];
     for repeat in 0..REPEATS {
         session.report("resonance", REPEATS * axis + repeat, REPEATS * NAMES.len());

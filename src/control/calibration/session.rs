@@ -1,7 +1,7 @@
 use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::{CalibrationFault, CalibrationProgress};
+use super::{CalibrationError, CalibrationProgress};
 use crate::{RunIo, Sink};
 use upm_core::rig::{Rig, RigModel};
 use upm_core::signal::{AccelTrace, Drive, Envelope, Frame, MISSING_SAMPLE};
@@ -68,8 +68,8 @@ impl<'a> CalibrationSession<'a> {
         self.model.count_limit / self.drive(amplitudes, shapes, 0.0).peak_counts().max(f64::MIN_POSITIVE)
     }
 
-    pub(super) fn stop_check(&self) -> Result<(), CalibrationFault> {
-        if self.stop.load(Ordering::Relaxed) { Err(CalibrationFault::Stopped) } else { Ok(()) }
+    pub(super) fn stop_check(&self) -> Result<(), CalibrationError> {
+        if self.stop.load(Ordering::Relaxed) { Err(CalibrationError::Stopped) } else { Ok(()) }
     }
 
     /// Largest acceleration any channel showed in the last pulse, m/s².
@@ -80,14 +80,14 @@ impl<'a> CalibrationSession<'a> {
     }
 
     /// Plays a pulse to the end of its rest and reads the plate's twist from the accelerometers.
-    pub(super) fn read_twist(&mut self, what: &str, drive: &Drive) -> Result<TwistFit, CalibrationFault> {
+    pub(super) fn read_twist(&mut self, what: &str, drive: &Drive) -> Result<TwistFit, CalibrationError> {
         let trace = self.play(drive)?;
         fit_twist(&trace, &drive.envelope, drive.base_radps, &self.sensors)
-            .map_err(|fault| CalibrationFault::Trace { what: what.to_owned(), fault })
+            .map_err(|fault| CalibrationError::Trace { what: what.to_owned(), fault })
     }
 
     /// Plays a pulse to the end of its rest and returns the accelerometers' trace.
-    pub(super) fn play(&mut self, drive: &Drive) -> Result<AccelTrace, CalibrationFault> {
+    pub(super) fn play(&mut self, drive: &Drive) -> Result<AccelTrace, CalibrationError> {
         let [width, height] = self.model.frame_size_px;
         let mut frame = Frame::new(width, height);
         self.rig.play(drive)?;

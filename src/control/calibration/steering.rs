@@ -3,7 +3,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use nalgebra::Vector3;
 
 use super::axes::Axes;
-use super::{CalibrationFault, CalibrationParams, CalibrationSession};
+use super::{CalibrationError, CalibrationParams, CalibrationSession};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::rig::RigModel;
 use upm_core::signal::MotorArrangement;
@@ -35,8 +35,8 @@ pub(super) fn measure(
     axes: &Axes,
     params: &CalibrationParams,
     wanted: &[SteeringMotion],
-) -> Result<Vec<Entry>, CalibrationFault> {
-    let counts_from_twist = axes.twist_from_counts.try_inverse().ok_or(CalibrationFault::Singular)?;
+) -> Result<Vec<Entry>, CalibrationError> {
+    let counts_from_twist = axes.twist_from_counts.try_inverse().ok_or(CalibrationError::Singular)?;
     let mut entries = Vec::with_capacity(wanted.len());
     for (i, SteeringMotion { direction, top_mps }) in wanted.iter().enumerate() {
         session.report("centres", i, wanted.len());
@@ -60,7 +60,7 @@ fn play(
     params: &CalibrationParams,
     counts: Vector3<f64>,
     top_mps: f64,
-) -> Result<Entry, CalibrationFault> {
+) -> Result<Entry, CalibrationError> {
     let amplitudes = |counts| amplitudes(session.model.motor_arrangement, counts);
     let trial = counts * (TRIAL_COUNTS / counts.amax().max(f64::MIN_POSITIVE));
     let strongest = trial * (params.effort * session.headroom(amplitudes(trial), &axes.shapes));

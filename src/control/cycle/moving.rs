@@ -13,11 +13,11 @@ use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{CycleFacts, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
-use upm_core::rig::RigFault;
+use upm_core::rig::RigError;
 use upm_core::signal::{Drive, TwistWave};
 use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
-use upm_perception::estimation::{ExpectedMotion, FitFault, MotionJudgement, PlateFit, TakeOver, judge};
+use upm_perception::estimation::{ExpectedMotion, FitError, MotionJudgement, PlateFit, TakeOver, judge};
 use upm_planning::cor_library::CoilResponse;
 use upm_planning::planner::{Heading, MovingPlanner, Plan, PlanStatus, PlannedPulse, Segment};
 use upm_planning::task::Setpoints;
@@ -119,7 +119,7 @@ impl ControlCycle<'_, '_> {
         started_at: PlateTime,
     ) -> OrEnd<(Option<PlannedSegment>, PlateTime)> {
         let taken = next.map(|next| (self.io.rig.take_over(&next.drive), next));
-        let Some((begins_at, next)) = taken.filter(|(begins_at, _)| *begins_at != Err(RigFault::TooLate)) else {
+        let Some((begins_at, next)) = taken.filter(|(begins_at, _)| *begins_at != Err(RigError::TooLate)) else {
             return Continue((None, self.io.rig.settled_at()));
         };
         let begins_at = flow(begins_at)?;
@@ -139,7 +139,7 @@ impl ControlCycle<'_, '_> {
         let (trace, drive, sensors) = (self.io.rig.trace(), present.drive.clone(), self.sensors());
         let take_over = TakeOver::new(&trace, fading, &drive);
         let expected = |take_over| ExpectedMotion { take_over: Some(take_over), ..self.expected(&drive, coils) };
-        let fit = take_over.as_ref().map_err(FitFault::clone);
+        let fit = take_over.as_ref().map_err(FitError::clone);
         let fit = fit.and_then(|t| expected(t).fit_take_over(&trace, &sensors)).map(PlateFit::Wave);
         let judged = take_over.iter().next().map(|t| judge(&expected(t), fit.as_ref(), &sensors));
         let facts = PulseFacts {

@@ -12,7 +12,7 @@ use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Finding, StopCause};
 use upm_core::signal::{AccelTrace, Drive, Envelope, TwistWave};
-use upm_perception::estimation::{AccelerometerPair, ExpectedMotion, FitFault, PlateFit, fit_twist, fit_wave, judge};
+use upm_perception::estimation::{AccelerometerPair, ExpectedMotion, FitError, PlateFit, fit_twist, fit_wave, judge};
 use upm_planning::cor_library::{CoilResponse, Library};
 use upm_planning::planner::{PartState, PlannedPulse};
 
@@ -107,7 +107,7 @@ impl ControlCycle<'_, '_> {
         &mut self,
         drive: &Drive,
         coils: Option<&CoilResponse>,
-        fit: &Result<PlateFit, FitFault>,
+        fit: &Result<PlateFit, FitError>,
         went: Option<PulseOutcome>,
     ) -> OrEnd<bool> {
         let judged = coils.map(|coils| judge(&self.expected(drive, coils), fit.as_ref(), &self.sensors()));
@@ -208,7 +208,7 @@ fn read(
     drive: &Drive,
     trace: &AccelTrace,
     sensors: &AccelerometerPair,
-) -> Result<PlateFit, FitFault> {
+) -> Result<PlateFit, FitError> {
     match planned {
         PlannedPulse::Rotation(_) => {
             fit_twist(trace, &drive.envelope, drive.base_radps, sensors).map(Box::new).map(PlateFit::Twist)
@@ -287,6 +287,6 @@ mod tests {
             assert!((harmonic.cos.velocity_mps - Vec2::new(0.1, 0.0)).norm() < 1e-3, "{harmonic:?}");
         }
         drive.envelope.sustain_s = 0.03;
-        assert!(matches!(read(&planned, &drive, &trace, &sensors), Err(FitFault::TooShort { .. })));
+        assert!(matches!(read(&planned, &drive, &trace, &sensors), Err(FitError::TooShort { .. })));
     }
 }

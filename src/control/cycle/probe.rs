@@ -10,7 +10,7 @@ use crate::perception::FramePurpose;
 use crate::run_end::{OrEnd, flow, is_stopped};
 use upm_core::job::Finding;
 use upm_core::signal::Follows;
-use upm_perception::estimation::{ExpectedMotion, FitFault, PlateFit, fit_wave, judge};
+use upm_perception::estimation::{ExpectedMotion, FitError, PlateFit, fit_wave, judge};
 use upm_planning::planner::{FieldPulse, PlannedPulse};
 
 /// Largest number of probes in a row until one is tracked to its end.
@@ -37,7 +37,7 @@ impl ControlCycle<'_, '_> {
         Continue(())
     }
 
-    fn play_probe(&mut self, expected: &ExpectedMotion<'_>) -> OrEnd<Result<PlateFit, FitFault>> {
+    fn play_probe(&mut self, expected: &ExpectedMotion<'_>) -> OrEnd<Result<PlateFit, FitError>> {
         let drive = expected.drive;
         let planned = PlannedPulse::Field(FieldPulse {
             wave: expected.wave(),
@@ -66,12 +66,12 @@ impl ControlCycle<'_, '_> {
         followed.map_continue(|()| fit)
     }
 
-    fn read_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> Option<MotionFinding> {
+    fn read_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitError>) -> Option<MotionFinding> {
         let judged = judge(expected, fit.as_ref(), &self.sensors());
         self.motion.check(&judged, self.sight(None))
     }
 
-    fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitFault>) -> OrEnd {
+    fn judge_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitError>) -> OrEnd {
         let found = self.read_probe(expected, fit);
         let is_as_planned = self.report(found)?;
         self.check_frozen(is_as_planned)?;

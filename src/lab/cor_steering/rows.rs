@@ -4,7 +4,7 @@ use nalgebra::Complex;
 
 use crate::pulses::envelope;
 use crate::shaken::BarePlate;
-use crate::{LabFault, LabRig};
+use crate::{LabError, LabRig};
 use upm_control::calibration::Axes;
 use upm_core::geometry::Vec2;
 use upm_core::signal::Drive;
@@ -59,22 +59,22 @@ pub struct Reads {
 }
 
 /// Plays every row with both waveforms.
-pub fn read_rows(lab: &LabRig) -> Result<Reads, LabFault> {
+pub fn read_rows(lab: &LabRig) -> Result<Reads, LabError> {
     let mut plate = BarePlate::new(lab);
     let axes = plate.axes()?;
     let sensors = AccelerometerPair { position_m: lab.model.accelerometer_in_plate_m, gain: axes.accelerometer_gain };
     let unit = unit_within_limits(lab, &axes);
     if unit < 1 {
-        return Err(LabFault::Rig(format!("{}: its motors' limit leaves no amplitude for Table 1", lab.model.name)));
+        return Err(LabError::Rig(format!("{}: its motors' limit leaves no amplitude for Table 1", lab.model.name)));
     }
     let mut read = |row: &TableRow, shapes: &[AxisShape; 3]| {
         let (what, drive) = (format!("row {}", row.name), drive(lab, row, unit, shapes));
         let fit = plate.read(&what, &drive, &sensors)?;
-        let center_m = fit.pump.center_of_rotation().ok_or_else(|| LabFault::Rig(format!("{what}: no spin")))?;
+        let center_m = fit.pump.center_of_rotation().ok_or_else(|| LabError::Rig(format!("{what}: no spin")))?;
         Ok(ReadRow { center_m, vectors: Vectors::of(&fit, sensors.position_m) })
     };
-    let compensated = ROWS.iter().map(|row| read(row, &axes.shapes)).collect::<Result<_, LabFault>>()?;
-    let plain = ROWS.iter().map(|row| read(row, &[AxisShape::FREE_MASS; 3])).collect::<Result<_, LabFault>>()?;
+    let compensated = ROWS.iter().map(|row| read(row, &axes.shapes)).collect::<Result<_, LabError>>()?;
+    let plain = ROWS.iter().map(|row| read(row, &[AxisShape::FREE_MASS; 3])).collect::<Result<_, LabError>>()?;
     Ok(Reads { unit, compensated, plain })
 }
 

@@ -2,7 +2,7 @@
 //! paper, Eqs. 3 to 7), where it slides all the time, or rides along for the end of the plateau.
 
 use super::plate::PlateCycle;
-use crate::LabFault;
+use crate::LabError;
 use upm_core::units::GRAVITY_MPS2;
 
 /// Cycles after which a part that has not settled is assumed never to settle.
@@ -74,7 +74,7 @@ impl Sliding {
     /// # Errors
     ///
     /// A part that the external force carries away.
-    pub fn settled(&self, plate: &PlateCycle) -> Result<FeederCycle, LabFault> {
+    pub fn settled(&self, plate: &PlateCycle) -> Result<FeederCycle, LabError> {
         let scale_mps = plate.accel_mps2 * plate.period_s;
         let mut speed_mps = 0.0;
         for _ in 0..MOST_CYCLES {
@@ -87,7 +87,7 @@ impl Sliding {
             }
             speed_mps = cycle.speed_mps;
         }
-        Err(LabFault::Setting("the force carries the part away: its mean friction cannot balance it".into()))
+        Err(LabError::Setting("the force carries the part away: its mean friction cannot balance it".into()))
     }
 
     /// Mean speed from rest over `cycles` cycles after `settling` others, m/s.

@@ -11,7 +11,7 @@ use crate::numerics::line_through;
 use crate::pumped::{PUMP, PumpedLine};
 use crate::sweep::Progress;
 use crate::texts::{chart, figure};
-use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
+use crate::{DataSheet, ExperimentResult, Figure, LabError, LabRig};
 use upm_chart::Color;
 use upm_core::background::on_all_cores;
 use upm_core::units::GRAVITY_MPS2;
@@ -43,7 +43,7 @@ const CM: f64 = 0.01;
 /// # Errors
 ///
 /// None in the published settings.
-pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let mut outcome = ExperimentResult::default();
     let mut chart = chart("feeder-duty");
     for (i, (&accel_mps2, &saturates)) in ACCELS_MPS2.iter().zip(&SATURATIONS).enumerate() {

@@ -9,7 +9,7 @@ use super::run::Setup;
 use super::{DYN_N, JAM_S, belt, gap_chart, spectrum_chart, sweeps, track_chart};
 use crate::sweep::Progress;
 use crate::texts::{figure, figures};
-use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
+use crate::{DataSheet, ExperimentResult, Figure, LabError, LabRig};
 use upm_chart::{Chart, Color};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -43,7 +43,7 @@ const TABLE_J: f64 = 1e-12;
 /// # Errors
 ///
 /// None in the published settings.
-pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let streams = Streams::new(rig.seed);
     let mut batch = Batch::default();
     add_runs(&mut batch);

@@ -7,7 +7,7 @@ use super::selection::{on_drive, raise};
 use super::{Rock, table_figures, track_chart};
 use crate::sweep::Progress;
 use crate::texts::figures;
-use crate::{DataSheet, ExperimentResult, LabFault, LabRig};
+use crate::{DataSheet, ExperimentResult, LabError, LabRig};
 use upm_chart::Color;
 use upm_core::units::mm_from_m;
 
@@ -25,7 +25,7 @@ const RAISED_FROM_RAD: f64 = 0.1;
 /// # Errors
 ///
 /// None in the published settings.
-pub fn reproduce(_: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn reproduce(_: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let mut outcome = ExperimentResult::default();
     square_wave(&mut outcome)?;
     ramped_wave(&mut outcome)?;
@@ -36,7 +36,7 @@ pub fn reproduce(_: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult,
 }
 
 /// Figs. 5 and 6: orbit and instability on the square wave.
-fn square_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
+fn square_wave(outcome: &mut ExperimentResult) -> Result<(), LabError> {
     let rock = Rock::published();
     let wave = rock.drive()?.wave();
     let [exact, high] = [1.0, rock.start].map(|share| rock.release(share).motion(&wave, rock.time_s));
@@ -56,7 +56,7 @@ fn square_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
 }
 
 /// Fig. 8, and the range of starts that each kind of wave attracts.
-fn ramped_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
+fn ramped_wave(outcome: &mut ExperimentResult) -> Result<(), LabError> {
     let rock = Rock::ramped();
     let drive = rock.drive()?;
     let (square, ramped) = (drive.wave(), drive.ramped(rock.ramp));
@@ -86,8 +86,8 @@ fn ramped_wave(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
 }
 
 /// Fig. 9: two orientations on one drive.
-fn selection(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
-    let none = || LabFault::Setting("no such drive".into());
+fn selection(outcome: &mut ExperimentResult) -> Result<(), LabError> {
+    let none = || LabError::Setting("no such drive".into());
     let ([standing, lying], peaks_rad) = on_drive(&SIMILAR, WINDOW_FROM, SELECTION_S).ok_or_else(none)?;
     let peaks =
         [("20 x 22 mm, standing: peak after the impact", peaks_rad[0]), ("the same block, lying", peaks_rad[1])];
@@ -98,9 +98,9 @@ fn selection(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
 }
 
 /// Amplitude raised until the block topples.
-fn raising(outcome: &mut ExperimentResult) -> Result<(), LabFault> {
+fn raising(outcome: &mut ExperimentResult) -> Result<(), LabError> {
     let rock = Rock { peak_rad: RAISED_FROM_RAD, ..Rock::published() };
-    let none = || LabFault::Setting("no drive raises the block".to_owned());
+    let none = || LabError::Setting("no drive raises the block".to_owned());
     let raised = raise(&rock.cycle()).ok_or_else(none)?;
     let impacts = if raised.motion.end == End::Topples { raised.motion.impacts_s.len() as f64 } else { f64::NAN };
     let planned = raised.peaks_rad.iter().skip(1).zip(&raised.motion.peaks);

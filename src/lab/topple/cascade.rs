@@ -7,7 +7,7 @@ use rand::RngExt;
 
 use super::Topple;
 use super::peg::{Peg, Shape};
-use crate::LabFault;
+use crate::LabError;
 use upm_core::random::Streams;
 
 /// Blocks of a batch.
@@ -55,7 +55,7 @@ pub struct Cascade {
 /// # Errors
 ///
 /// Blocks so close to a cube that no speed topples standing ones and leaves lying ones.
-pub fn cascade(topple: &Topple, mut edges_m: [f64; 3], streams: &Streams) -> Result<Cascade, LabFault> {
+pub fn cascade(topple: &Topple, mut edges_m: [f64; 3], streams: &Streams) -> Result<Cascade, LabError> {
     let ledge_m = topple.ledge_m;
     edges_m.sort_by(f64::total_cmp);
     let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
@@ -90,7 +90,7 @@ pub fn cascade(topple: &Topple, mut edges_m: [f64; 3], streams: &Streams) -> Res
 }
 
 /// Range of speeds that topple every one of `blocks` that stands, and none that is flat.
-fn window(blocks: &[Lying], ledge_m: f64) -> Result<[f64; 2], LabFault> {
+fn window(blocks: &[Lying], ledge_m: f64) -> Result<[f64; 2], LabError> {
     let of = |stands: bool| {
         let alike = blocks.iter().filter(move |block| block.stands() == stands);
         alike.map(|block| block.critical_mps(ledge_m))
@@ -99,7 +99,7 @@ fn window(blocks: &[Lying], ledge_m: f64) -> Result<[f64; 2], LabFault> {
     if low < high {
         return Ok([low, high]);
     }
-    Err(LabFault::Setting(format!(
+    Err(LabError::Setting(format!(
         "no speed topples all blocks that stand ({:.0} mm/s) and leaves all that lie ({:.0} mm/s): edges must differ more",
         1e3 * low,
         1e3 * high

@@ -8,7 +8,7 @@ use super::{Topple, measure, ratio_of_orientations};
 use crate::numerics::bisect;
 use crate::sweep::Progress;
 use crate::texts::{chart, figure, figures};
-use crate::{DataSheet, ExperimentResult, Figure, LabFault, LabRig};
+use crate::{DataSheet, ExperimentResult, Figure, LabError, LabRig};
 use upm_chart::Color;
 use upm_core::background::on_all_cores;
 use upm_core::random::Streams;
@@ -30,7 +30,7 @@ const BLOCK_M: [f64; 3] = [8e-3, 12e-3, 18e-3];
 /// # Errors
 ///
 /// None in the published settings.
-pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabFault> {
+pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let streams = Streams::new(rig.seed);
     let mut outcome = orientations();
     let peg = Topple { seed: rig.seed as u32, ..Topple::published() };
@@ -97,7 +97,7 @@ fn alike(peg: &Topple) -> Topple {
 }
 
 /// Adds a batch on consecutive ledges.
-fn batch(peg: &Topple, streams: &Streams, outcome: &mut ExperimentResult) -> Result<(), LabFault> {
+fn batch(peg: &Topple, streams: &Streams, outcome: &mut ExperimentResult) -> Result<(), LabError> {
     let found = cascade(peg, BLOCK_M, streams)?;
     let [a, b, c] = BLOCK_M.map(mm_from_m);
     let first = figure("blocks {} mm on their largest face at first", found.flat[0]).of(&format!("{a} x {b} x {c}"));

@@ -5,7 +5,7 @@
 use std::f64::consts::TAU;
 
 use super::super::pulses::{FINER, Played, SERIES_HZ, calm_envelope, check_carries, mm, play, saturation, turn};
-use super::super::{LabFault, LabRig};
+use super::super::{LabError, LabRig};
 use super::plan::{CENTERS, PartPositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::PlateMode;
@@ -71,7 +71,7 @@ impl<'a> CalibratedPulses<'a> {
         mode: PlateMode,
         centers_m: [Vec2; CENTERS],
         spin_radps: [f64; CENTERS],
-    ) -> Result<Self, LabFault> {
+    ) -> Result<Self, LabError> {
         let mut model = Self { rig, mode, centers_m, spin_radps, curves: Default::default() };
         for j in 0..CENTERS {
             check_carries(rig, spin_radps[j], centers_m[j].norm())?;
@@ -96,7 +96,7 @@ impl<'a> CalibratedPulses<'a> {
         SHORTEST_PERIODS * TAU / self.rig.model.base_radps
     }
 
-    fn curve(&self, center: usize, sense: f64) -> Result<Curve, LabFault> {
+    fn curve(&self, center: usize, sense: f64) -> Result<Curve, LabError> {
         let (mut curve, middle_m) = (Curve::default(), Vec2::zeros());
         for i in 0..SUSTAINS {
             let longer_s = LONGER_BY_ATTACKS * self.rig.model.attack_s * i as f64 / (SUSTAINS - 1) as f64;
@@ -107,7 +107,7 @@ impl<'a> CalibratedPulses<'a> {
         if curve.shortest_m() > 0.0 && curve.longest_m() > curve.shortest_m() {
             return Ok(curve);
         }
-        Err(LabFault::Rig(format!(
+        Err(LabError::Rig(format!(
             "longer pulses do not carry a part further: found {:.3} mm with the shortest and {:.3} mm with the longest",
             1e3 * curve.shortest_m(),
             1e3 * curve.longest_m()
@@ -119,13 +119,13 @@ impl<'a> CalibratedPulses<'a> {
         OpenPulse::about(self.centers_m[center], sense * self.spin_radps[center], outline)
     }
 
-    fn play(&self, parts_m: &[Vec2], pulses: &[OpenPulse]) -> Result<Played, LabFault> {
+    fn play(&self, parts_m: &[Vec2], pulses: &[OpenPulse]) -> Result<Played, LabError> {
         play(self.rig, self.mode, parts_m, pulses, SERIES_HZ * FINER as f64)
     }
 
     /// Rotates the parts by `distance_m` about centre number `center`, counter-clockwise when positive; returns where
     /// they come to rest.
-    pub fn rotate(&self, parts_m: &PartPositions, center: usize, distance_m: f64) -> Result<PartPositions, LabFault> {
+    pub fn rotate(&self, parts_m: &PartPositions, center: usize, distance_m: f64) -> Result<PartPositions, LabError> {
         let (sense, curve) = if distance_m < 0.0 { (-1.0, 1) } else { (1.0, 0) };
         let sustains_s = self.curves[center][curve].pulses(distance_m.abs());
         if sustains_s.is_empty() {
@@ -138,7 +138,7 @@ impl<'a> CalibratedPulses<'a> {
             None => Ok([played.end_m(0), played.end_m(1)]),
             Some(place) => {
                 let [x, y] = mm(*place);
-                Err(LabFault::Rig(format!("a part fell off the plate about ({x:.1}, {y:.1}) mm")))
+                Err(LabError::Rig(format!("a part fell off the plate about ({x:.1}, {y:.1}) mm")))
             }
         }
     }

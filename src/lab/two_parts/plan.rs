@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix4, Vector4};
 
-use super::super::LabFault;
+use super::super::LabError;
 use super::super::pulses::mm;
 use upm_core::geometry::{Vec2, perp};
 
@@ -37,14 +37,14 @@ pub fn distances(
     centers_m: &[Vec2; CENTERS],
     parts_m: &PartPositions,
     goals_m: &PartPositions,
-) -> Result<[f64; CENTERS], LabFault> {
+) -> Result<[f64; CENTERS], LabError> {
     let phi = field_matrix(centers_m, parts_m);
     let condition = condition(&phi);
     let step = Vector4::from_fn(|row, _| (goals_m[row / 2] - parts_m[row / 2])[row % 2]);
     let solved = if condition <= SINGULAR { phi.lu().solve(&step) } else { None };
     solved.map(Into::into).ok_or_else(|| {
         let [[ax, ay], [bx, by]] = parts_m.map(mm);
-        LabFault::Rig(format!(
+        LabError::Rig(format!(
             "fields dependent at ({ax:.0}, {ay:.0}), ({bx:.0}, {by:.0}) mm: condition number {condition:.0e}"
         ))
     })

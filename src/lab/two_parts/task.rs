@@ -1,6 +1,6 @@
 //! The large step with two parts, and their paths to its goals in one observation and in several.
 
-use super::super::{LabFault, LabRig};
+use super::super::{LabError, LabRig};
 use super::plan::{CENTERS, PartPositions, distances, mean_miss};
 use upm_core::geometry::Vec2;
 
@@ -39,8 +39,8 @@ impl TwoPartProblem {
     pub fn go(
         &self,
         observations: usize,
-        mut rotate: impl FnMut(&PartPositions, usize, f64) -> Result<PartPositions, LabFault>,
-    ) -> Result<TwoPartPath, LabFault> {
+        mut rotate: impl FnMut(&PartPositions, usize, f64) -> Result<PartPositions, LabError>,
+    ) -> Result<TwoPartPath, LabError> {
         let (mut at, mut corners) = (self.starts_m, vec![self.starts_m]);
         for number in 1..=observations {
             let wanted = self.waypoints_m(number, observations);
@@ -68,14 +68,14 @@ pub struct StepSeries {
     /// Numbers of observations and the resulting paths.
     pub ways: Vec<(usize, TwoPartPath)>,
     /// Numbers of observations that failed, and the reason: a part fell, or the four fields became dependent.
-    pub failed: Vec<(usize, LabFault)>,
+    pub failed: Vec<(usize, LabError)>,
 }
 
 impl StepSeries {
     pub fn of(
         name: &'static str,
         task: &TwoPartProblem,
-        rotate: impl Fn(&PartPositions, usize, f64) -> Result<PartPositions, LabFault>,
+        rotate: impl Fn(&PartPositions, usize, f64) -> Result<PartPositions, LabError>,
     ) -> Self {
         let mut runs = Self { name, ways: Vec::new(), failed: Vec::new() };
         for observations in OBSERVATIONS {

@@ -83,7 +83,7 @@ fn worst(errors: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use upm_perception::vision::TableFault;
+    use upm_perception::vision::TableError;
 
     #[test]
     fn verdicts_add_up() {
@@ -100,7 +100,7 @@ mod tests {
         };
         let tables = [
             found(&[0.3], 0),
-            SceneVerdict { fault: Some(TableFault::NotASquare), ..SceneVerdict::default() },
+            SceneVerdict { fault: Some(TableError::NotASquare), ..SceneVerdict::default() },
             SceneVerdict { misplaced: true, ..SceneVerdict::default() },
             found(&[0.4], 2),
         ];

@@ -1,7 +1,7 @@
 use crate::numerics::suppress_neighbours;
 use upm_core::geometry::Vec2;
 use upm_core::rig::PartKind;
-use upm_perception::vision::{CoinFinder, Detection, TableFault, locate_table};
+use upm_perception::vision::{CoinFinder, Detection, TableError, locate_table};
 use upm_scene::{Difficulty, Scene, ScenePartTruth, kinds};
 
 /// Error of a corner, px, above which a located table counts as misplaced.
@@ -13,7 +13,7 @@ pub struct SceneVerdict {
     pub seed: u64,
     pub parts: usize,
     /// Why no table was found.
-    pub fault: Option<TableFault>,
+    pub fault: Option<TableError>,
     /// True where a table was located, but in the wrong place.
     pub misplaced: bool,
     /// Distances of the corners from the true ones, px, of a table located correctly.

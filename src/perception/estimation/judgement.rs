@@ -12,7 +12,7 @@ use nalgebra::{DVector, SMatrix, SVector, Vector3};
 
 use super::accelerometer_phasors::{Velocity, accelerometer_phasors};
 use super::take_over::TakeOver;
-use super::{AccelerometerPair, FitFault, PlateFit, WEAKEST_MPS2, WaveFit};
+use super::{AccelerometerPair, FitError, PlateFit, WEAKEST_MPS2, WaveFit};
 use upm_core::geometry::Vec2;
 use upm_core::signal::{AccelTrace, CHANNELS, Drive, Harmonic, MOTORS, TwistHarmonic, TwistWave};
 
@@ -111,7 +111,7 @@ pub enum MotionVerdict {
 /// Judges a pulse by the fit of its trace.
 pub fn judge(
     expected: &ExpectedMotion<'_>,
-    fit: Result<&PlateFit, &FitFault>,
+    fit: Result<&PlateFit, &FitError>,
     sensors: &AccelerometerPair,
 ) -> MotionJudgement {
     let fault = match fit {
@@ -120,7 +120,7 @@ pub fn judge(
     };
     let planned = expected.readings(expected.harmonics(), sensors);
     // these two mean that this rig's traces can never be read this way, whatever the plate does
-    let never = matches!(fault, FitFault::Unreadable(_) | FitFault::Undetermined { .. });
+    let never = matches!(fault, FitError::Unreadable(_) | FitError::Undetermined { .. });
     let is_fault = !never && expected.must_be_readable(&planned);
     let verdict = if is_fault { MotionVerdict::Unreadable } else { MotionVerdict::AsPlanned };
     MotionJudgement { off: 0.0, score: None, verdict, runner_up: None }
@@ -136,9 +136,9 @@ impl ExpectedMotion<'_> {
     /// Fits the plate's motion to the trace of a take-over.
     ///
     /// # Errors
-    /// As [`super::fit_wave`], and [`FitFault::Unreadable`] for a motion that takes over from none.
-    pub fn fit_take_over(&self, trace: &AccelTrace, sensors: &AccelerometerPair) -> Result<WaveFit, FitFault> {
-        let take_over = self.take_over.ok_or(FitFault::Unreadable("no motion takes over"))?;
+    /// As [`super::fit_wave`], and [`FitError::Unreadable`] for a motion that takes over from none.
+    pub fn fit_take_over(&self, trace: &AccelTrace, sensors: &AccelerometerPair) -> Result<WaveFit, FitError> {
+        let take_over = self.take_over.ok_or(FitError::Unreadable("no motion takes over"))?;
         take_over.fit(trace, self.drive, |drive| self.velocity(drive, self.harmonics()), sensors)
     }
 

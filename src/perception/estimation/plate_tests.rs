@@ -158,17 +158,17 @@ fn bad_traces_are_refused() {
         fit_twist(trace, pulse, plate.base_radps, &AccelerometerPair::exact(r1))
     };
     assert!(fit(&trace, &PULSE, R1_M).is_ok());
-    assert!(matches!(fit(&trace, &PULSE, Vec2::zeros()), Err(FitFault::Unreadable(_))));
-    assert!(matches!(fit(&trace, &Envelope { sustain_s: 0.016, ..PULSE }, R1_M), Err(FitFault::TooShort { .. })));
-    assert!(matches!(fit(&AccelTrace::default(), &PULSE, R1_M), Err(FitFault::Unreadable(_))));
+    assert!(matches!(fit(&trace, &PULSE, Vec2::zeros()), Err(FitError::Unreadable(_))));
+    assert!(matches!(fit(&trace, &Envelope { sustain_s: 0.016, ..PULSE }, R1_M), Err(FitError::TooShort { .. })));
+    assert!(matches!(fit(&AccelTrace::default(), &PULSE, R1_M), Err(FitError::Unreadable(_))));
     let cut = AccelTrace { counts: trace.counts.clone().map(|c| c[..450].to_vec()), ..trace.clone() };
-    assert!(matches!(fit(&cut, &PULSE, R1_M), Err(FitFault::CutShort { .. })));
+    assert!(matches!(fit(&cut, &PULSE, R1_M), Err(FitError::CutShort { .. })));
     let mut gap = trace.clone();
     gap.counts[3][400] = MISSING_SAMPLE;
-    assert_eq!(fit(&gap, &PULSE, R1_M), Err(FitFault::Missing { channel: 3, samples: 1 }));
+    assert_eq!(fit(&gap, &PULSE, R1_M), Err(FitError::Missing { channel: 3, samples: 1 }));
     let mut clipped = trace.clone();
     clipped.counts[0][400..403].fill(-1024);
-    assert_eq!(fit(&clipped, &PULSE, R1_M), Err(FitFault::Clipped { channel: 0, samples: 3, limit: 1023 }));
+    assert_eq!(fit(&clipped, &PULSE, R1_M), Err(FitError::Clipped { channel: 0, samples: 3, limit: 1023 }));
     let still = AccelTrace { counts: trace.counts.clone().map(|c| vec![4; c.len()]), ..trace };
-    assert!(matches!(fit(&still, &PULSE, R1_M), Err(FitFault::TooWeak { .. })));
+    assert!(matches!(fit(&still, &PULSE, R1_M), Err(FitError::TooWeak { .. })));
 }

@@ -18,7 +18,7 @@ use nalgebra::{Complex, DMatrix, DVector};
 use rustfft::FftPlannerScalar;
 
 use super::twist_from_corners;
-use super::{AccelerometerPair, FitFault, accelerations_mps2, refuse_bad, refuse_cut_short, sustain_window};
+use super::{AccelerometerPair, FitError, accelerations_mps2, refuse_bad, refuse_cut_short, sustain_window};
 use upm_core::geometry::Vec2;
 use upm_core::phasor::{magnitude, polar};
 use upm_core::signal::{AccelTrace, CHANNELS, Envelope};
@@ -64,7 +64,7 @@ pub fn amplitude_spectrum(values: &[f64]) -> Vec<Complex<f64>> {
 ///
 /// # Errors
 ///
-/// [`FitFault`] for traces that are too short, cut short, clipped or incomplete, for periods that are not whole
+/// [`FitError`] for traces that are too short, cut short, clipped or incomplete, for periods that are not whole
 /// samples, and for lines above half the sampling rate.
 pub fn axis_lines(
     trace: &AccelTrace,
@@ -72,13 +72,13 @@ pub fn axis_lines(
     base_radps: f64,
     lines: usize,
     sensors: &AccelerometerPair,
-) -> Result<[Vec<Complex<f64>>; 3], FitFault> {
+) -> Result<[Vec<Complex<f64>>; 3], FitError> {
     refuse_bad(sensors)?;
     let window = sustain_window(trace, envelope, base_radps)?;
     refuse_cut_short(trace, envelope)?;
     let samples = window.periods as f64 * TAU / (base_radps * window.step_s);
     if (samples - window.samples.len() as f64).abs() > UNEVEN_SAMPLES {
-        return Err(FitFault::Unreadable("the periods read are not whole samples"));
+        return Err(FitError::Unreadable("the periods read are not whole samples"));
     }
     let channels = accelerations_mps2(trace, &window)?;
     let spectra: Vec<_> = channels.iter().map(|values| amplitude_spectrum(values)).collect();
@@ -90,7 +90,7 @@ pub fn axis_lines(
     for k in 1..=lines {
         let mut shown = [Complex::default(); CHANNELS];
         for (channel, shown) in shown.iter_mut().enumerate() {
-            *shown = line(channel, k).ok_or(FitFault::Unreadable("lines above half the sampling rate"))?;
+            *shown = line(channel, k).ok_or(FitError::Unreadable("lines above half the sampling rate"))?;
         }
         for (axis, phasor) in axes.iter_mut().zip(axis_accelerations(shown, sensors.position_m)) {
             axis.push(phasor);
@@ -115,13 +115,13 @@ fn axis_accelerations([x1, y1, x2, y2]: [Complex<f64>; CHANNELS], position_m: Ve
 ///
 /// # Errors
 ///
-/// [`FitFault::Undetermined`] when the lines do not fix natural frequency and damping ratio to 5 %.
+/// [`FitError::Undetermined`] when the lines do not fix natural frequency and damping ratio to 5 %.
 pub fn fit_oscillator(
     base_radps: f64,
     force: &[Complex<f64>],
     accel: &[Complex<f64>],
-) -> Result<OscillatorFit, FitFault> {
-    let undetermined = |found_sd: f64| FitFault::Undetermined { found_sd, needed_sd: LARGEST_SD };
+) -> Result<OscillatorFit, FitError> {
+    let undetermined = |found_sd: f64| FitError::Undetermined { found_sd, needed_sd: LARGEST_SD };
     let lines: Vec<SpectralLine> = (1..)
         .zip(force.iter().zip(accel))
         .filter(|(_, (force, accel))| magnitude(**force) > 0.0 && magnitude(**accel) > 0.0)

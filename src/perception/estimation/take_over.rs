@@ -7,7 +7,7 @@ use nalgebra::{Complex, DMatrix, Vector3};
 
 use super::accelerometer_phasors::Velocity;
 use super::wave::{HarmonicBasis, wave_fit};
-use super::{AccelerometerPair, FitFault, SteadyWindow, WaveFit, accelerations_mps2, refuse_bad, sustain_window};
+use super::{AccelerometerPair, FitError, SteadyWindow, WaveFit, accelerations_mps2, refuse_bad, sustain_window};
 use upm_core::geometry::{Vec2, perp};
 use upm_core::signal::{AccelTrace, CHANNELS, Drive, Envelope};
 
@@ -24,8 +24,8 @@ impl TakeOver {
     /// The take-over by `drive` in `trace`, which begins with it.
     ///
     /// # Errors
-    /// [`FitFault::TooShort`] for a trace that is shorter than a period, and as [`sustain_window`].
-    pub fn new(trace: &AccelTrace, last: Option<Drive>, drive: &Drive) -> Result<Self, FitFault> {
+    /// [`FitError::TooShort`] for a trace that is shorter than a period, and as [`sustain_window`].
+    pub fn new(trace: &AccelTrace, last: Option<Drive>, drive: &Drive) -> Result<Self, FitError> {
         let rising = Envelope { attack_s: 0.0, sustain_s: drive.envelope.attack_s, rest_s: 0.0 };
         let window = sustain_window(trace, &rising, drive.base_radps)?;
         let harmonics = drive.motors.iter().map(Vec::len).max().unwrap_or(0);
@@ -54,7 +54,7 @@ impl TakeOver {
         drive: &Drive,
         velocity: impl Fn(&Drive) -> Velocity,
         sensors: &AccelerometerPair,
-    ) -> Result<WaveFit, FitFault> {
+    ) -> Result<WaveFit, FitError> {
         refuse_bad(sensors)?;
         let mut rest = DMatrix::from_columns(&accelerations_mps2(trace, &self.window)?.map(Into::into));
         let mut planned = self.readings_mps2(drive, velocity, sensors.position_m);

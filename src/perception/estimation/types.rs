@@ -105,7 +105,7 @@ pub struct PumpWaveQuality {
 
 /// Reasons why a trace cannot be evaluated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum FitFault {
+pub enum FitError {
     /// The time at full height is too short.
     #[error("sustain: expected {needed_s:.3} s or more (one period of the drive), found {found_s:.3} s at full height")]
     TooShort {

@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::DMatrix;
 
-use super::{AccelerometerPair, FitFault, SteadyWindow, WEAKEST_MPS2, WaveFit, accelerations_mps2, sustain_window};
+use super::{AccelerometerPair, FitError, SteadyWindow, WEAKEST_MPS2, WaveFit, accelerations_mps2, sustain_window};
 use super::{refuse_bad, refuse_cut_short, twist_from_corners};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::signal::{AccelTrace, CHANNELS, Envelope, TwistHarmonic, TwistWave};
@@ -27,8 +27,8 @@ const DEGREES_A_PERIOD: usize = 2;
 ///
 /// # Errors
 ///
-/// As [`sustain_window`] and [`accelerations_mps2`]; [`FitFault::CutShort`] for a trace that ends within the sustain
-/// and [`FitFault::TooWeak`] for a motion below [`WEAKEST_MPS2`]. [`FitFault::Unreadable`] also for sensors without a
+/// As [`sustain_window`] and [`accelerations_mps2`]; [`FitError::CutShort`] for a trace that ends within the sustain
+/// and [`FitError::TooWeak`] for a motion below [`WEAKEST_MPS2`]. [`FitError::Unreadable`] also for sensors without a
 /// distance between them, for gains that are not above 0, for harmonics that cannot be told from drift, and for fewer
 /// than 4 samples to the period of the highest harmonic.
 pub fn fit_wave(
@@ -37,11 +37,11 @@ pub fn fit_wave(
     base_radps: f64,
     harmonics: usize,
     sensors: &AccelerometerPair,
-) -> Result<WaveFit, FitFault> {
+) -> Result<WaveFit, FitError> {
     refuse_bad(sensors)?;
     let window = sustain_window(trace, envelope, base_radps)?;
     if trace.sample_hz * TAU < LEAST_SAMPLES * harmonics as f64 * base_radps {
-        return Err(FitFault::Unreadable("fewer than 4 samples to the period of the highest harmonic"));
+        return Err(FitError::Unreadable("fewer than 4 samples to the period of the highest harmonic"));
     }
     refuse_cut_short(trace, envelope)?;
     let measured = DMatrix::from_columns(&accelerations_mps2(trace, &window)?.map(Into::into));
@@ -58,10 +58,10 @@ pub(super) struct HarmonicBasis {
 }
 
 impl HarmonicBasis {
-    pub fn new(window: &SteadyWindow, base_radps: f64, harmonics: usize) -> Result<Self, FitFault> {
+    pub fn new(window: &SteadyWindow, base_radps: f64, harmonics: usize) -> Result<Self, FitError> {
         let regressors = regressors(window, base_radps, harmonics);
         let normal = regressors.tr_mul(&regressors).cholesky();
-        let factor = normal.ok_or(FitFault::Unreadable("harmonics cannot be told from drift"))?;
+        let factor = normal.ok_or(FitError::Unreadable("harmonics cannot be told from drift"))?;
         Ok(Self { harmonics, regressors, covariance: factor.inverse() })
     }
 
@@ -79,7 +79,7 @@ pub(super) fn wave_fit(
     known: Option<&DMatrix<f64>>,
     base_radps: f64,
     sensors: &AccelerometerPair,
-) -> Result<WaveFit, FitFault> {
+) -> Result<WaveFit, FitError> {
     let HarmonicBasis { harmonics, regressors, covariance } = basis;
     let mut solution = basis.solve(measured);
     let left_over = measured - regressors * &solution;
@@ -92,7 +92,7 @@ pub(super) fn wave_fit(
     });
     let found_mps2 = accel_mps2.iter().flatten().map(|[c, s]| libm::hypot(*c, *s)).fold(0.0, f64::max);
     if found_mps2 < WEAKEST_MPS2 || !found_mps2.is_finite() {
-        return Err(FitFault::TooWeak { found_mps2, needed_mps2: WEAKEST_MPS2 });
+        return Err(FitError::TooWeak { found_mps2, needed_mps2: WEAKEST_MPS2 });
     }
     let residual_rms_mps2 = (left_over.norm_squared() / left_over.len() as f64).sqrt();
     let wave = twist_wave(&accel_mps2, base_radps, sensors.position_m);

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use super::FitFault;
+use super::FitError;
 use upm_core::signal::{AccelTrace, CHANNELS, Envelope, MISSING_SAMPLE};
 
 /// Most base periods in one fit. The plate's own resonance, excited by the attack, decays through the sustain; a short
@@ -35,15 +35,15 @@ impl SteadyWindow {
 ///
 /// # Errors
 ///
-/// [`FitFault::Unreadable`] for sample times that are not numbers, and for a base frequency that is not positive or has
-/// fewer than 16 samples to its period; [`FitFault::TooShort`] for less than one base period at full height.
-pub fn sustain_window(trace: &AccelTrace, envelope: &Envelope, base_radps: f64) -> Result<SteadyWindow, FitFault> {
+/// [`FitError::Unreadable`] for sample times that are not numbers, and for a base frequency that is not positive or has
+/// fewer than 16 samples to its period; [`FitError::TooShort`] for less than one base period at full height.
+pub fn sustain_window(trace: &AccelTrace, envelope: &Envelope, base_radps: f64) -> Result<SteadyWindow, FitError> {
     if !(trace.sample_hz.is_finite() && trace.sample_hz > 0.0 && trace.first_sample_s.is_finite()) {
-        return Err(FitFault::Unreadable("sample times are not numbers"));
+        return Err(FitError::Unreadable("sample times are not numbers"));
     }
     // Four coefficients and a drift need a sampling rate well above the second harmonic.
     if !(base_radps > 0.0 && trace.sample_hz * TAU >= 16.0 * base_radps) {
-        return Err(FitFault::Unreadable("fewer than 16 samples to the base period"));
+        return Err(FitError::Unreadable("fewer than 16 samples to the base period"));
     }
     let (step_s, period_s) = (1.0 / trace.sample_hz, TAU / base_radps);
     let from = sample_index(trace, envelope.attack_s);
@@ -52,7 +52,7 @@ pub fn sustain_window(trace: &AccelTrace, envelope: &Envelope, base_radps: f64) 
     // Half a sample of tolerance: whole periods are seldom whole samples.
     let periods = (((found_s + 0.5 * step_s) / period_s) as usize).min(MAX_PERIODS);
     if periods == 0 {
-        return Err(FitFault::TooShort { found_s, needed_s: period_s });
+        return Err(FitError::TooShort { found_s, needed_s: period_s });
     }
     let length = (periods as f64 * period_s * trace.sample_hz).round() as usize;
     let first = to.saturating_sub(length).max(from);
@@ -68,21 +68,21 @@ fn sample_index(trace: &AccelTrace, t_s: f64) -> usize {
 ///
 /// # Errors
 ///
-/// [`FitFault::Missing`] or [`FitFault::Clipped`] of the first channel with a single such sample: a fit that
+/// [`FitError::Missing`] or [`FitError::Clipped`] of the first channel with a single such sample: a fit that
 /// interpolated it would be wrong without any indication. Samples beyond the end of the trace are missing.
-pub fn accelerations_mps2(trace: &AccelTrace, window: &SteadyWindow) -> Result<[Vec<f64>; CHANNELS], FitFault> {
+pub fn accelerations_mps2(trace: &AccelTrace, window: &SteadyWindow) -> Result<[Vec<f64>; CHANNELS], FitError> {
     let mut accelerations = [const { Vec::new() }; CHANNELS];
     for (channel, (counts, out)) in trace.counts.iter().zip(&mut accelerations).enumerate() {
         let counts = counts.get(window.samples.clone()).unwrap_or_default();
         let missing =
             counts.iter().filter(|&&count| count == MISSING_SAMPLE).count() + window.samples.len() - counts.len();
         if missing > 0 {
-            return Err(FitFault::Missing { channel, samples: missing });
+            return Err(FitError::Missing { channel, samples: missing });
         }
         let limit = trace.count_limit;
         let clipped = counts.iter().filter(|count| count.unsigned_abs() >= limit.unsigned_abs()).count();
         if clipped > 0 {
-            return Err(FitFault::Clipped { channel, samples: clipped, limit });
+            return Err(FitError::Clipped { channel, samples: clipped, limit });
         }
         out.extend(counts.iter().map(|&count| f64::from(count) * trace.mps2_per_count));
     }
@@ -124,7 +124,7 @@ mod tests {
                     let span_s = window.samples.len() as f64 / trace.sample_hz;
                     prop_assert!((span_s * hz - window.periods as f64).abs() <= 0.51 * hz / trace.sample_hz);
                 }
-                Err(FitFault::TooShort { found_s, needed_s }) => prop_assert!(found_s < needed_s),
+                Err(FitError::TooShort { found_s, needed_s }) => prop_assert!(found_s < needed_s),
                 Err(other) => prop_assert!(false, "{other}"),
             }
         }
@@ -136,9 +136,9 @@ mod tests {
         for (at, count, fault) in [
             (299, MISSING_SAMPLE, None),
             (600, 1023, None),
-            (300, MISSING_SAMPLE, Some(FitFault::Missing { channel: 2, samples: 1 })),
-            (599, 1023, Some(FitFault::Clipped { channel: 2, samples: 1, limit: 1023 })),
-            (400, -1024, Some(FitFault::Clipped { channel: 2, samples: 1, limit: 1023 })),
+            (300, MISSING_SAMPLE, Some(FitError::Missing { channel: 2, samples: 1 })),
+            (599, 1023, Some(FitError::Clipped { channel: 2, samples: 1, limit: 1023 })),
+            (400, -1024, Some(FitError::Clipped { channel: 2, samples: 1, limit: 1023 })),
         ] {
             let mut trace = is_silent(1000);
             trace.counts[2][at] = count;
@@ -152,7 +152,7 @@ mod tests {
         for (trace, base_radps) in
             [(broken(0.0), 300.0), (broken(f64::NAN), 300.0), (is_silent(1000), f64::NAN), (is_silent(1000), 3000.0)]
         {
-            assert!(matches!(sustain_window(&trace, &PULSE, base_radps), Err(FitFault::Unreadable(_))));
+            assert!(matches!(sustain_window(&trace, &PULSE, base_radps), Err(FitError::Unreadable(_))));
         }
     }
 }

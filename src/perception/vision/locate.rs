@@ -23,7 +23,7 @@ const COARSE_CELLS: usize = 200;
 
 /// Reasons why no table is located.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum TableFault {
+pub enum TableError {
     /// Width and height do not agree with the number of pixels.
     #[error("picture of {width} x {height} px holds {pixels} pixels")]
     Malformed {
@@ -106,10 +106,10 @@ pub enum TableFault {
 /// the plate's side, `lens` the camera's calibration.
 ///
 /// # Errors
-/// [`TableFault`] unless exactly one whole table is visible, and for an invalid picture, lens or side.
-pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<Table, TableFault> {
+/// [`TableError`] unless exactly one whole table is visible, and for an invalid picture, lens or side.
+pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<Table, TableError> {
     if let Some(positions) = &frame.positions {
-        let corners = positions.corners_px.ok_or(TableFault::CornerHidden)?.map(|corner| lens.ideal_from_image(corner));
+        let corners = positions.corners_px.ok_or(TableError::CornerHidden)?.map(|corner| lens.ideal_from_image(corner));
         return Table::from_ideal_corners(corners, side_m, lens);
     }
     check(frame, lens, side_m)?;
@@ -121,20 +121,20 @@ pub fn locate_table(frame: &Frame, lens: &Lens, side_m: f64) -> Result<Table, Ta
 ///
 /// # Errors
 /// As [`locate_table`].
-pub fn locate_corners(frame: &Frame, aspect: f64, cells: usize) -> Result<[Vec2; 4], TableFault> {
+pub fn locate_corners(frame: &Frame, aspect: f64, cells: usize) -> Result<[Vec2; 4], TableError> {
     let lens = Lens::centered([frame.width, frame.height], 1.0);
     check(frame, &lens, 1.0)?;
     corners(frame, &lens, QuadShape::in_perspective(aspect), cells)
 }
 
 /// Corners of the one table in ideal coordinates.
-fn corners(frame: &Frame, lens: &Lens, shape: QuadShape, cells: usize) -> Result<[Vec2; 4], TableFault> {
-    let too_small = TableFault::TooSmall { width: frame.width, height: frame.height };
+fn corners(frame: &Frame, lens: &Lens, shape: QuadShape, cells: usize) -> Result<[Vec2; 4], TableError> {
+    let too_small = TableError::TooSmall { width: frame.width, height: frame.height };
     let sampler = Sampler::new(frame).ok_or(too_small)?;
     let bin = (frame.width.min(frame.height) / cells).max(1);
     let points = edges(&BinnedImage::of(frame, bin));
     if points.is_empty() {
-        return Err(TableFault::NoEdges);
+        return Err(TableError::NoEdges);
     }
     let edges = ideal_edges(&points, lens);
     let size = Vec2::new(frame.width as f64, frame.height as f64);
@@ -146,7 +146,7 @@ fn corners(frame: &Frame, lens: &Lens, shape: QuadShape, cells: usize) -> Result
     if corners.iter().all(|&corner| sampler.contains(lens.image_from_ideal(corner), 0.0)) {
         Ok(corners)
     } else {
-        Err(TableFault::CutByFrame)
+        Err(TableError::CutByFrame)
     }
 }
 
@@ -169,23 +169,23 @@ fn near_px(cell_px: f64) -> f64 {
     (1.5 * cell_px).max(3.0)
 }
 
-fn check(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(), TableFault> {
+fn check(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(), TableError> {
     let &Frame { width, height, .. } = frame;
     if width.checked_mul(height) != Some(frame.pixels.len()) {
-        return Err(TableFault::Malformed { width, height, pixels: frame.pixels.len() });
+        return Err(TableError::Malformed { width, height, pixels: frame.pixels.len() });
     }
     if frame.pixels.len() > MOST_PIXELS {
-        return Err(TableFault::TooLarge { width, height });
+        return Err(TableError::TooLarge { width, height });
     }
     if width < LEAST_SIZE || height < LEAST_SIZE {
-        return Err(TableFault::TooSmall { width, height });
+        return Err(TableError::TooSmall { width, height });
     }
     if !(side_m > 0.0 && side_m.is_finite()) {
-        return Err(TableFault::BadSide { side_m });
+        return Err(TableError::BadSide { side_m });
     }
     let numbers = lens.radial.iter().chain(&lens.tangential).chain(lens.principal_px.iter());
     if !(lens.focal_px > 0.0 && lens.focal_px.is_finite() && numbers.clone().all(|x| x.is_finite())) {
-        return Err(TableFault::BadLens);
+        return Err(TableError::BadLens);
     }
     Ok(())
 }
@@ -214,7 +214,7 @@ struct LineEvidence<'a> {
 }
 
 /// The one table among the lines, or the reason why there is none.
-fn choose(lines: &[DetectedLine], shape: QuadShape, seen: &LineEvidence) -> Result<Quad, TableFault> {
+fn choose(lines: &[DetectedLine], shape: QuadShape, seen: &LineEvidence) -> Result<Quad, TableError> {
     let inside = |p: Vec2| seen.sampler.contains(seen.lens.image_from_ideal(p), 0.0);
     let shown = |a: Vec2, b: Vec2| {
         if inside(a) && inside(b) {
@@ -231,17 +231,17 @@ fn choose(lines: &[DetectedLine], shape: QuadShape, seen: &LineEvidence) -> Resu
     };
     let best = found.iter().find(|other| best.supports(other)).unwrap_or(best);
     if !best.corners.iter().all(|&corner| inside(corner)) {
-        return Err(TableFault::CutByFrame);
+        return Err(TableError::CutByFrame);
     }
     if found.iter().any(|other| best.competes_with(other)) {
-        return Err(TableFault::MoreThanOne);
+        return Err(TableError::MoreThanOne);
     }
     Ok(best.clone())
 }
 
 /// Distinguishes a table that leaves the picture from other pictures without a table: two or more of the strongest
 /// lines then run into the picture's border.
-fn no_quad(lines: &[DetectedLine], seen: &LineEvidence, nearest: Option<String>) -> TableFault {
+fn no_quad(lines: &[DetectedLine], seen: &LineEvidence, nearest: Option<String>) -> TableError {
     // No edges are found in the two outermost cells.
     let margin = 0.012 * seen.frame.width.max(seen.frame.height) as f64 + 2.5 * seen.cell_px;
     let leaves = |line: &HoughLine| {
@@ -252,16 +252,16 @@ fn no_quad(lines: &[DetectedLine], seen: &LineEvidence, nearest: Option<String>)
         at_border.nth(1).is_some()
     };
     if lines.iter().take(4).filter(|strong| leaves(&strong.line)).count() >= 2 {
-        TableFault::CutByFrame
+        TableError::CutByFrame
     } else if lines.len() < 4 {
-        TableFault::TooFewLines { found: lines.len() }
+        TableError::TooFewLines { found: lines.len() }
     } else {
-        nearest.map_or(TableFault::NotASquare, TableFault::AlmostASquare)
+        nearest.map_or(TableError::NotASquare, TableError::AlmostASquare)
     }
 }
 
 /// Corners from the sides: first through the edges found, then from coarse profiles, then from all profiles.
-fn refined_corners(quad: &Quad, seen: &LineEvidence) -> Result<[Vec2; 4], TableFault> {
+fn refined_corners(quad: &Quad, seen: &LineEvidence) -> Result<[Vec2; 4], TableError> {
     let &LineEvidence { lens, sampler, edges, cell_px, .. } = seen;
     let look = SideMeasurement { sampler, lens, bright: quad.bright, stations: 96, known: false };
     let along_edges = |from: Vec2, to: Vec2| {
@@ -281,15 +281,15 @@ fn refined_corners(quad: &Quad, seen: &LineEvidence) -> Result<[Vec2; 4], TableF
 fn from_sides(
     corners: [Vec2; 4],
     mut side: impl FnMut(Vec2, Vec2) -> Option<HoughLine>,
-) -> Result<[Vec2; 4], TableFault> {
+) -> Result<[Vec2; 4], TableError> {
     let mut sides = [HoughLine { normal: Vec2::x(), offset: 0.0 }; 4];
     for (i, line) in sides.iter_mut().enumerate() {
         let (from, to) = (corners[i], corners[(i + 1) % 4]);
-        *line = side(from, to).ok_or_else(|| TableFault::SideHidden { side: name_of(from, to) })?;
+        *line = side(from, to).ok_or_else(|| TableError::SideHidden { side: name_of(from, to) })?;
     }
     let mut met = corners;
     for (i, corner) in met.iter_mut().enumerate() {
-        *corner = sides[(i + 3) % 4].meets(&sides[i]).ok_or(TableFault::NotASquare)?;
+        *corner = sides[(i + 3) % 4].meets(&sides[i]).ok_or(TableError::NotASquare)?;
     }
     Ok(met)
 }

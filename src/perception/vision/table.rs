@@ -1,6 +1,6 @@
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Table, TableFault};
+use super::{Table, TableError};
 use upm_core::geometry::{Homography, Lens, Vec2};
 
 /// Corners of the square from -1 to 1 in the order of [`Table::corners_px`], y up.
@@ -19,9 +19,9 @@ impl Table {
     /// turned so that its x axis is within 45° of the image's.
     ///
     /// # Errors
-    /// [`TableFault::NotASquare`] and [`TableFault::Skewed`] when the four corners cannot be the image of a square in
+    /// [`TableError::NotASquare`] and [`TableError::Skewed`] when the four corners cannot be the image of a square in
     /// front of the camera.
-    pub fn from_ideal_corners(corners: [Vec2; 4], side_m: f64, lens: &Lens) -> Result<Self, TableFault> {
+    pub fn from_ideal_corners(corners: [Vec2; 4], side_m: f64, lens: &Lens) -> Result<Self, TableError> {
         Self::of_rectangle(corners, [side_m; 2], lens, [UNEQUAL_SIDES, SKEW])
     }
 
@@ -35,13 +35,13 @@ impl Table {
         [side_m, height_m]: [f64; 2],
         lens: &Lens,
         most_off: [f64; 2],
-    ) -> Result<Self, TableFault> {
+    ) -> Result<Self, TableError> {
         let corners = upright(corners);
         let unit = UNIT_CORNERS.map(|(x, y)| Vec2::new(x, y));
-        let ideal_from_unit = Homography::from_corners(unit, corners).ok_or(TableFault::NotASquare)?;
+        let ideal_from_unit = Homography::from_corners(unit, corners).ok_or(TableError::NotASquare)?;
         let unit_from_table = Matrix3::from_diagonal(&Vector3::new(2.0 / side_m, 2.0 / height_m, 1.0));
         let ideal_from_table = Homography::new(ideal_from_unit.matrix() * unit_from_table);
-        let table_from_ideal = ideal_from_table.inverse().ok_or(TableFault::NotASquare)?;
+        let table_from_ideal = ideal_from_table.inverse().ok_or(TableError::NotASquare)?;
         let camera_in_table_m = camera_in_table(&ideal_from_table, lens, most_off)?;
         let corners_px = corners.map(|corner| lens.image_from_ideal(corner));
         let side_px = (0..4).map(|i| (corners_px[(i + 1) % 4] - corners_px[i]).norm()).sum::<f64>() / 4.0;
@@ -59,15 +59,15 @@ impl Table {
             ideal_from_table,
             camera_in_table_m,
         };
-        if finite { Ok(table) } else { Err(TableFault::NotASquare) }
+        if finite { Ok(table) } else { Err(TableError::NotASquare) }
     }
 
     /// The plane that a whole picture shows, in a table of `side_m` about its middle that the picture's corners are on.
     /// `tilt` is the gradient of the inverse depth, relative to that at the middle, 1/px.
     ///
     /// # Errors
-    /// [`TableFault::NotASquare`] where the plane ends within the picture.
-    pub fn of_picture(size_px: [usize; 2], lens: &Lens, tilt: Vec2, side_m: f64) -> Result<Self, TableFault> {
+    /// [`TableError::NotASquare`] where the plane ends within the picture.
+    pub fn of_picture(size_px: [usize; 2], lens: &Lens, tilt: Vec2, side_m: f64) -> Result<Self, TableError> {
         // the plane through the point at depth 1 on the lens's axis
         let normal = (tilt * lens.focal_px).push(1.0).normalize();
         let right = (Vector3::x() - normal * normal.x).normalize();
@@ -149,7 +149,7 @@ fn upright(corners: [Vec2; 4]) -> [Vec2; 4] {
 
 /// The camera's centre from the columns `K⁻¹ H = λ [r1 r2 t]` of a plane's homography (Zhang, 2000). An error when the
 /// plate is no rectangle for a camera of that focal length, to within `most_off`.
-fn camera_in_table(ideal_from_table: &Homography, lens: &Lens, most_off: [f64; 2]) -> Result<Vector3<f64>, TableFault> {
+fn camera_in_table(ideal_from_table: &Homography, lens: &Lens, most_off: [f64; 2]) -> Result<Vector3<f64>, TableError> {
     let (f, c) = (lens.focal_px, lens.principal_px);
     let k_inverse = Matrix3::new(1.0 / f, 0.0, -c.x / f, 0.0, 1.0 / f, -c.y / f, 0.0, 0.0, 1.0);
     let columns = k_inverse * ideal_from_table.matrix();
@@ -158,13 +158,13 @@ fn camera_in_table(ideal_from_table: &Homography, lens: &Lens, most_off: [f64; 2
     let (r1, r2, t) = (r1 / scale, r2 / scale, t / scale);
     if !((r1.norm() - 1.0).abs() < most_off[0] && r1.dot(&r2).abs() < most_off[1]) {
         let (ratio, angle_deg) = (r1.norm() / r2.norm(), r1.angle(&r2).to_degrees());
-        return Err(TableFault::Skewed { ratio, angle_deg });
+        return Err(TableError::Skewed { ratio, angle_deg });
     }
     let rotation = Matrix3::from_columns(&[r1, r2, r1.cross(&r2)]);
     let svd = rotation.svd(true, true);
-    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Err(TableFault::NotASquare) };
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Err(TableError::NotASquare) };
     let camera = -(u * v_t).transpose() * t;
-    if camera.z > 0.0 { Ok(camera) } else { Err(TableFault::NotASquare) }
+    if camera.z > 0.0 { Ok(camera) } else { Err(TableError::NotASquare) }
 }
 
 /// Focal length, px, of the camera that sees a rectangle, `aspect` times as high as wide, with its corners there, and

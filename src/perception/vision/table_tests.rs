@@ -1,6 +1,6 @@
 //! Location of rendered tables with known corners.
 
-use super::{Table, TableFault, focal_from_corners, locate_corners, locate_table};
+use super::{Table, TableError, focal_from_corners, locate_corners, locate_table};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use upm_core::geometry::{Lens, Vec2};
@@ -9,7 +9,7 @@ use upm_core::signal::Frame;
 use upm_scene::Scene;
 use upm_scene::testing::{SIDE_M, penny};
 
-fn located(scene: &Scene, frame: &Frame) -> Result<Table, TableFault> {
+fn located(scene: &Scene, frame: &Frame) -> Result<Table, TableError> {
     locate_table(frame, &scene.lens, SIDE_M)
 }
 
@@ -108,7 +108,7 @@ fn focal_length_follows_from_a_tilted_square() {
     }
 }
 
-fn fault(frame: &Frame) -> TableFault {
+fn fault(frame: &Frame) -> TableError {
     let size = Vec2::new(frame.width as f64, frame.height as f64);
     let lens = Lens::ideal(1.2 * size.amax().max(1.0), (size - Vec2::repeat(1.0)) / 2.0);
     locate_table(frame, &lens, SIDE_M).unwrap_err()
@@ -127,21 +127,21 @@ fn without_a_table_there_is_a_fault() {
     white.pixels.fill(255);
     let mut lying = Frame::new(64, 64);
     lying.pixels.pop();
-    assert_eq!(fault(&Frame::new(640, 480)), TableFault::NoEdges);
-    assert_eq!(fault(&white), TableFault::NoEdges);
-    assert_eq!(fault(&noise(640, 480, 1)), TableFault::NoEdges);
-    assert_eq!(fault(&Frame::new(1, 1)), TableFault::TooSmall { width: 1, height: 1 });
-    assert_eq!(fault(&lying), TableFault::Malformed { width: 64, height: 64, pixels: 4095 });
-    assert_eq!(fault(&Frame::new(20_000, 40)), TableFault::NoEdges);
-    assert_eq!(fault(&Frame::new(9_000, 8_000)), TableFault::TooLarge { width: 9_000, height: 8_000 });
+    assert_eq!(fault(&Frame::new(640, 480)), TableError::NoEdges);
+    assert_eq!(fault(&white), TableError::NoEdges);
+    assert_eq!(fault(&noise(640, 480, 1)), TableError::NoEdges);
+    assert_eq!(fault(&Frame::new(1, 1)), TableError::TooSmall { width: 1, height: 1 });
+    assert_eq!(fault(&lying), TableError::Malformed { width: 64, height: 64, pixels: 4095 });
+    assert_eq!(fault(&Frame::new(20_000, 40)), TableError::NoEdges);
+    assert_eq!(fault(&Frame::new(9_000, 8_000)), TableError::TooLarge { width: 9_000, height: 8_000 });
 }
 
 #[test]
 fn misuse_is_reported() {
     let (frame, lens) = (Frame::new(64, 64), Lens::ideal(100.0, Vec2::zeros()));
-    assert_eq!(locate_table(&frame, &lens, -1.0).unwrap_err(), TableFault::BadSide { side_m: -1.0 });
-    assert_eq!(locate_table(&frame, &Lens { focal_px: 0.0, ..lens }, 0.2).unwrap_err(), TableFault::BadLens);
-    assert_eq!(locate_table(&frame, &Lens { radial: [f64::NAN, 0.0], ..lens }, 0.2).unwrap_err(), TableFault::BadLens);
+    assert_eq!(locate_table(&frame, &lens, -1.0).unwrap_err(), TableError::BadSide { side_m: -1.0 });
+    assert_eq!(locate_table(&frame, &Lens { focal_px: 0.0, ..lens }, 0.2).unwrap_err(), TableError::BadLens);
+    assert_eq!(locate_table(&frame, &Lens { radial: [f64::NAN, 0.0], ..lens }, 0.2).unwrap_err(), TableError::BadLens);
 }
 
 #[test]
@@ -150,7 +150,7 @@ fn a_table_that_leaves_the_picture_is_reported() {
         let mut scene = Scene::plain(1);
         scene.size_px = [1000, 960];
         scene.lens.principal_px = Vec2::new(499.5, 479.5) + shift;
-        assert_eq!(located(&scene, &scene.frame()), Err(TableFault::CutByFrame), "{shift}");
+        assert_eq!(located(&scene, &scene.frame()), Err(TableError::CutByFrame), "{shift}");
     }
 }
 
@@ -164,7 +164,7 @@ fn two_tables_are_one_too_many() {
     for (pixel, other) in frame.pixels.iter_mut().zip(scene.frame().pixels) {
         *pixel = (*pixel).max(other);
     }
-    assert_eq!(fault(&frame), TableFault::MoreThanOne);
+    assert_eq!(fault(&frame), TableError::MoreThanOne);
 }
 
 #[test]

@@ -150,7 +150,7 @@ fn positions_in_place_of_pixels_are_found_and_followed() {
     tracker.track(&frame(&places_m(41)[1..]));
     assert_eq!(tracker.tracks().iter().map(|track| track.frames_unseen).collect::<Vec<_>>(), [1, 0], "one is hidden");
     let hidden = Frame { positions: Some(MeasuredPositions::default()), ..first };
-    assert_eq!(locate_table(&hidden, &scene.lens, SIDE_M), Err(super::TableFault::CornerHidden));
+    assert_eq!(locate_table(&hidden, &scene.lens, SIDE_M), Err(super::TableError::CornerHidden));
 }
 
 proptest! {

@@ -2,7 +2,7 @@ use std::sync::atomic::AtomicBool;
 
 use crate::config::RigSpec;
 use upm_control::ExpectedPart;
-use upm_control::calibration::{CalibrationFault, CalibrationParams, CalibrationProgress, CalibrationSession};
+use upm_control::calibration::{CalibrationError, CalibrationParams, CalibrationProgress, CalibrationSession};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::random::Streams;
 use upm_core::units::mm_from_m;
@@ -27,15 +27,15 @@ pub fn calibrate(
     params: &CalibrationParams,
     stop: &AtomicBool,
     progress: &mut dyn FnMut(CalibrationProgress),
-) -> Result<Library, CalibrationFault> {
+) -> Result<Library, CalibrationError> {
     let mut simulated = simulated(rig, seed)?;
     CalibrationSession::new(&mut simulated, &rig.model, stop, progress).library(&rig.fingerprint, params)
 }
 
 /// The simulated rig with pennies on it.
-fn simulated(rig: &RigSpec, seed: u64) -> Result<SimRig, CalibrationFault> {
+fn simulated(rig: &RigSpec, seed: u64) -> Result<SimRig, CalibrationError> {
     let Some(penny) = rig.kinds.first() else {
-        return Err(CalibrationFault::Unseen("the rig file has no kinds of parts".into()));
+        return Err(CalibrationError::Unseen("the rig file has no kinds of parts".into()));
     };
     let half_side_m = 0.5 * rig.model.plate_side_m;
     let least_m = 2.0 * penny.kind.radius_m / NEAREST;
@@ -43,7 +43,7 @@ fn simulated(rig: &RigSpec, seed: u64) -> Result<SimRig, CalibrationFault> {
         let [found, least] = [half_side_m, least_m].map(|half_m| mm_from_m(2.0 * half_m));
         let reason =
             format!("plate.side_mm: expected {least:.0} or more (the coins of the calibration), found {found}");
-        return Err(CalibrationFault::Unseen(reason));
+        return Err(CalibrationError::Unseen(reason));
     }
     let coins = COINS.map(|[x, y]| (penny.part(), Pose::at(Vec2::new(x, y) * half_side_m)));
     Ok(SimRig::new(rig.model.clone(), rig.sim.clone(), coins.to_vec(), Streams::new(seed)))
@@ -92,7 +92,7 @@ mod tests {
         (rig, params)
     }
 
-    fn made(rig: &RigSpec, params: &CalibrationParams) -> Result<Library, CalibrationFault> {
+    fn made(rig: &RigSpec, params: &CalibrationParams) -> Result<Library, CalibrationError> {
         calibrate(rig, 1, params, &AtomicBool::new(false), &mut |_| ())
     }
 
@@ -273,6 +273,6 @@ mod tests {
         let (mut rig, params) = small();
         rig.sim.plate.resonance_hz[2] = 90.0;
         let fault = made(&rig, &params).unwrap_err();
-        assert!(matches!(fault, CalibrationFault::Resonance { axis: "axis spin", .. }), "{fault}");
+        assert!(matches!(fault, CalibrationError::Resonance { axis: "axis spin", .. }), "{fault}");
     }
 }

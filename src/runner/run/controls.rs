@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 use super::paced::PacingStats;
 use upm_control::{EventFacts, EventKind, EventLevel, FinalState, RunEnd, Sink};
 use upm_core::job::{Finding, StopCause, StopRequest};
-use upm_core::rig::{Interlock, RigFault, Trip};
+use upm_core::rig::{Interlock, RigError, Trip};
 use upm_core::time::PlateTime;
 
 /// Text added to the reason of a run that was too late for its plate, with the remedy.
@@ -57,7 +57,7 @@ impl RunControls<'_> {
         let by_control = finish.ending.clone();
         let trip = self.interlock.tripped();
         if let Some(trip) = trip {
-            finish.ending = RunEnd::from(RigFault::Stopped(trip));
+            finish.ending = RunEnd::from(RigError::Stopped(trip));
         }
         // plate time passes without a driver only in real time
         if trip == Some(Trip::Lease) {

@@ -1,5 +1,5 @@
 use upm_core::document::Diagnostic;
-use upm_core::rig::RigFault;
+use upm_core::rig::RigError;
 
 /// Reason why a job was not run, or its files were not written.
 #[derive(Debug, thiserror::Error)]
@@ -23,7 +23,7 @@ pub enum RunError {
     Recording(String),
     /// The rig is not available for this run.
     #[error("rig: {0}")]
-    Rig(#[from] RigFault),
+    Rig(#[from] RigError),
 }
 
 impl From<Vec<Diagnostic>> for RunError {

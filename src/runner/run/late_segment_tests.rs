@@ -6,7 +6,7 @@ use super::in_memory::InMemoryRun;
 use super::testing::job_in_configs;
 use crate::config::JobSpec;
 use upm_core::job::{CameraMode, Outcome};
-use upm_core::rig::{Rig, RigFault};
+use upm_core::rig::{Rig, RigError};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
 use upm_sim::SimRig;
@@ -29,7 +29,7 @@ impl Rig for LateRig {
         self.rig.now()
     }
 
-    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+    fn play(&mut self, drive: &Drive) -> Result<(), RigError> {
         self.calls.push('p');
         self.began = self.now();
         self.rig.play(drive)
@@ -39,7 +39,7 @@ impl Rig for LateRig {
         true
     }
 
-    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
+    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigError> {
         let period_s = drive.envelope.attack_s;
         if self.calls.matches('t').count() + 1 == LATE && !self.calls.contains(['l', 'r']) {
             let until = self.began + self.late_periods * period_s;
@@ -61,7 +61,7 @@ impl Rig for LateRig {
         self.rig.settled_at()
     }
 
-    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigError> {
         self.rig.capture(frame)
     }
 

@@ -7,7 +7,7 @@ use super::*;
 use crate::config::Origin;
 use upm_control::PulseFacts;
 use upm_core::job::{Finding, Outcome, StopCause};
-use upm_core::rig::{Rig, RigFault};
+use upm_core::rig::{Rig, RigError};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::MonotonicClock;
 use upm_core::time::PlateTime;
@@ -25,7 +25,7 @@ impl Rig for MaskedRig<'_> {
         self.rig.now()
     }
 
-    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+    fn play(&mut self, drive: &Drive) -> Result<(), RigError> {
         self.pulses += 1;
         if self.blind_from == Some(self.pulses) {
             self.blind_at = Some(self.rig.now());
@@ -37,7 +37,7 @@ impl Rig for MaskedRig<'_> {
         true
     }
 
-    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
+    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigError> {
         self.rig.take_over(drive)
     }
 
@@ -45,7 +45,7 @@ impl Rig for MaskedRig<'_> {
         self.rig.settled_at()
     }
 
-    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigError> {
         self.rig.capture(frame)?;
         if self.blind_at.is_some() {
             frame.pixels.fill(128);

@@ -13,7 +13,7 @@ use crate::config::{JobSpec, place_parts};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::job::CameraMode;
 use upm_core::random::Streams;
-use upm_core::rig::{Rig, RigFault};
+use upm_core::rig::{Rig, RigError};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::PlateTime;
 use upm_sim::{Plant, SimRig};
@@ -50,7 +50,7 @@ impl Rig for LoggedRig {
         self.rig.now()
     }
 
-    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+    fn play(&mut self, drive: &Drive) -> Result<(), RigError> {
         self.log.push(Played { at: self.now(), drive: drive.clone(), takes_over: false });
         self.rig.play(drive)
     }
@@ -59,7 +59,7 @@ impl Rig for LoggedRig {
         true
     }
 
-    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
+    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigError> {
         self.log.push(Played { at: self.now(), drive: drive.clone(), takes_over: true });
         self.rig.take_over(drive)
     }
@@ -68,7 +68,7 @@ impl Rig for LoggedRig {
         self.rig.settled_at()
     }
 
-    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigError> {
         self.rig.capture(frame)
     }
 

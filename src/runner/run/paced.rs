@@ -2,7 +2,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use crate::config::DeadlinePolicy;
-use upm_core::rig::{Interlock, Rig, RigFault};
+use upm_core::rig::{Interlock, Rig, RigError};
 use upm_core::signal::{AccelTrace, Drive, Frame};
 use upm_core::time::{Clock, PlateTime};
 use upm_recording::{PacingReport, rounded};
@@ -48,7 +48,7 @@ impl<'a> RealTimeRig<'a> {
     }
 
     /// Accounts for a delay before the rig continues.
-    fn keep_up(&mut self) -> Result<(), RigFault> {
+    fn keep_up(&mut self) -> Result<(), RigError> {
         let late = self.late();
         if late <= self.period {
             return Ok(());
@@ -102,7 +102,7 @@ impl Rig for RealTimeRig<'_> {
         self.rig.now()
     }
 
-    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+    fn play(&mut self, drive: &Drive) -> Result<(), RigError> {
         // a delay before a pulse does not count as time without a driver
         self.keep_up()?;
         let started_at = self.rig.now();
@@ -115,7 +115,7 @@ impl Rig for RealTimeRig<'_> {
         self.rig.takes_over()
     }
 
-    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
+    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigError> {
         let started_at = self.rig.take_over(drive)?;
         self.driving_until = started_at + drive.envelope.driven_s();
         Ok(started_at)
@@ -125,14 +125,14 @@ impl Rig for RealTimeRig<'_> {
         self.rig.settled_at()
     }
 
-    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigError> {
         self.keep_up()?;
         self.rig.capture(frame)?;
         self.wait();
         // at once, not only when control asks for the next frame
         self.pace.interlock.tripped().map_or(Ok(()), |trip| {
             self.rig.stop();
-            Err(RigFault::Stopped(trip))
+            Err(RigError::Stopped(trip))
         })
     }
 
@@ -144,7 +144,7 @@ impl Rig for RealTimeRig<'_> {
         self.rig.stop();
     }
 
-    fn pass(&mut self, until: PlateTime) -> Result<(), RigFault> {
+    fn pass(&mut self, until: PlateTime) -> Result<(), RigError> {
         self.rig.pass(until)
     }
 }

@@ -11,7 +11,7 @@ use super::*;
 use crate::config::Origin;
 use upm_control::{FrameFacts, PulseFacts};
 use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
-use upm_core::rig::{RigFault, Trip};
+use upm_core::rig::{RigError, Trip};
 use upm_core::time::PlateTime;
 use upm_recording::PacingReport;
 
@@ -171,7 +171,7 @@ fn a_watchdog_needs_no_flag_and_fails_the_run() {
     let stopped = StopRecord::run(&plate, false, 1, trip_watchdog, Some("no frame for 0.5 s"));
     assert_eq!((stopped.report.outcome, stopped.pulses), (Outcome::Failed, 0));
     assert_eq!(stopped.report.reason, "no frame for 0.5 s");
-    let by_rig = RunEnd::from(RigFault::Stopped(Trip::Watchdog)).reason;
+    let by_rig = RunEnd::from(RigError::Stopped(Trip::Watchdog)).reason;
     let tail = stopped.events.iter().rev().take(2).map(String::as_str);
     assert_eq!(tail.collect::<Vec<_>>(), ["no frame for 0.5 s", &by_rig]);
     assert!(matches!(stopped.holds(), Verification::Equal { extent: Extent::Stopped, .. }));
@@ -183,7 +183,7 @@ fn process_stopped_in_a_pulse_loses_the_lease_under_strict_deadlines() {
     let stand_still = || plate.clock.ahead_ns.store(3_000_000_000, Ordering::Relaxed);
     let stopped = StopRecord::run_job(&short_job("strict"), &plate, true, 1, stand_still, None);
     assert_eq!((stopped.report.outcome, stopped.pulses), (Outcome::Failed, 0));
-    let by_rig = RunEnd::from(RigFault::Stopped(Trip::Lease)).reason;
+    let by_rig = RunEnd::from(RigError::Stopped(Trip::Lease)).reason;
     let reason = format!("{by_rig}; {TOO_BUSY}");
     assert_eq!(stopped.report.reason, reason);
     assert_eq!(stopped.report.stop.as_ref().map(|stop| stop.code), Some(StopCause::Found(Finding::DeadlineMissed)));
@@ -222,7 +222,7 @@ fn run_on_a_tripped_plate_plays_nothing_and_reports_the_reason() {
     let plate = StoppedPlate::default();
     plate.interlock.trip(Trip::EStop);
     let stopped = StopRecord::run(&plate, false, 0, || (), None);
-    let reason = RunEnd::from(RigFault::Stopped(Trip::EStop)).reason;
+    let reason = RunEnd::from(RigError::Stopped(Trip::EStop)).reason;
     assert_eq!((stopped.report.outcome, &stopped.report.reason), (Outcome::Cancelled, &reason));
     assert_eq!((stopped.events.as_slice(), stopped.pulses, stopped.report.work.frames), ([reason].as_slice(), 0, 0));
     let files = RunFolder::reopen(&stopped.folder()).unwrap().files();

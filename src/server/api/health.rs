@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use crate::http::{Reason, ReasonCode};
-use crate::store::{JobState, StoreFault, low_disk};
+use crate::store::{JobState, StoreError, low_disk};
 use crate::supervisor::{Plate, PlateState};
 
 /// Longest silence of a healthy store: it is read twice a second.
@@ -27,7 +27,7 @@ pub(crate) struct Observed {
     /// Time since the store was last read.
     pub store_silence: Duration,
     /// Fault of the store's last write; `None` when it succeeded.
-    pub store_fault: Option<StoreFault>,
+    pub store_fault: Option<StoreError>,
     /// Free bytes on the disk of the run folders; `None` when unknown.
     pub free_bytes: Option<u64>,
     /// Fewest free bytes with which jobs are accepted.
@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn conditions_that_bar_new_jobs_fail_readiness_only() {
         unready(|o| o.is_stopping = true, "the daemon is ending");
-        unready(|o| o.store_fault = Some(StoreFault::Full), "the disk of the job store is full");
+        unready(|o| o.store_fault = Some(StoreError::Full), "the disk of the job store is full");
         let full = "the disk has 500.0 MB left, jobs are taken from 500.0 MB on (`disk.min_free_mb`)";
         unready(|o| o.free_bytes = Some(499_999_999), full);
         assert_eq!(failures(|o| o.free_bytes = Some(500_000_000)).1, [""; 0]);

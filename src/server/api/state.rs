@@ -12,8 +12,8 @@ use tokio_util::sync::CancellationToken;
 
 use super::health::Observed;
 use crate::http::{BLOCKING_THREADS, Caller, Confirmations, Problem, Tokens};
-use crate::store::{AuditEntry, Job, JobId, JobRow, JobState, Store, StoreFault};
-use crate::supervisor::{Plate, PlateHandle, PlateSupervisor, ResetFault};
+use crate::store::{AuditEntry, Job, JobId, JobRow, JobState, Store, StoreError};
+use crate::supervisor::{Plate, PlateHandle, PlateSupervisor, ResetError};
 use upm_core::files::free_bytes;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::DaemonSpec;
@@ -235,12 +235,12 @@ pub(super) fn unheard() -> Problem {
     Problem::busy("its client no longer waits", 1)
 }
 
-impl From<StoreFault> for Problem {
-    fn from(fault: StoreFault) -> Self {
+impl From<StoreError> for Problem {
+    fn from(fault: StoreError) -> Self {
         match fault {
-            StoreFault::Full => Self::new(StatusCode::INSUFFICIENT_STORAGE, fault.to_string()),
-            StoreFault::Closed => Self::busy(fault.to_string(), 1),
-            StoreFault::Io(_) | StoreFault::Corrupt(_) | StoreFault::Other { .. } => {
+            StoreError::Full => Self::new(StatusCode::INSUFFICIENT_STORAGE, fault.to_string()),
+            StoreError::Closed => Self::busy(fault.to_string(), 1),
+            StoreError::Io(_) | StoreError::Corrupt(_) | StoreError::Other { .. } => {
                 tracing::error!("{fault}");
                 Self::new(StatusCode::INTERNAL_SERVER_ERROR, "the job store cannot be read or written")
             }
@@ -248,10 +248,10 @@ impl From<StoreFault> for Problem {
     }
 }
 
-impl From<ResetFault> for Problem {
-    fn from(fault: ResetFault) -> Self {
+impl From<ResetError> for Problem {
+    fn from(fault: ResetError) -> Self {
         match fault {
-            ResetFault::NotPersisted(fault) => fault.into(),
+            ResetError::NotPersisted(fault) => fault.into(),
             fault => conflict(fault.to_string()),
         }
     }

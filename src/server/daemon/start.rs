@@ -12,7 +12,7 @@ use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
 use super::prepare::{Prepared, renew_tokens};
 use crate::api::{DaemonState, app, liveness_failures};
 use crate::http::{AllowedHosts, Caller, STOP_PATH, joined, serve, serve_stops};
-use crate::store::{JobState, RecoveryReport, Store, StoreFault, StoreLimits};
+use crate::store::{JobState, RecoveryReport, Store, StoreError, StoreLimits};
 use crate::supervisor::PlateSupervisor;
 use upm_core::background::BackgroundThread;
 use upm_core::thread_priority::lower_thread_priority;
@@ -32,10 +32,10 @@ const TICKS_A_COUNT: u64 = 10;
 
 /// Why a daemon does not start.
 #[derive(Debug, thiserror::Error)]
-pub enum StartFault {
+pub enum StartError {
     /// Its job store cannot be opened.
     #[error(transparent)]
-    Store(StoreFault),
+    Store(StoreError),
     /// It cannot listen on its address.
     #[error("{0}: cannot be listened on: {1}")]
     Listen(SocketAddr, io::Error),
@@ -66,7 +66,7 @@ pub struct Daemon {
 
 impl Daemon {
     /// Faults of listening now on its addresses; empty when all are free. Binds each for a moment.
-    pub fn refused_addresses(spec: &DaemonSpec) -> Vec<StartFault> {
+    pub fn refused_addresses(spec: &DaemonSpec) -> Vec<StartError> {
         let own = std::iter::once(spec.listen).chain(spec.stop_listen);
         own.filter_map(|address| listener_at(address).err()).collect()
     }
@@ -79,19 +79,19 @@ impl Daemon {
         clock: MonotonicClock,
         now: fn() -> Timestamp,
         version: &'static str,
-    ) -> Result<Self, StartFault> {
+    ) -> Result<Self, StartError> {
         // before anything is changed: a port in use must not disturb the daemon that holds the data
         let listener = listener_at(spec.listen)?;
         let stop_listener = spec.stop_listen.map(listener_at).transpose()?;
         let KeepSpec { jobs, runs_bytes, standing_runs } = spec.keep;
         let limits = StoreLimits { queued: spec.queue, jobs, runs_bytes, standing_runs };
-        let opened = Store::open(&spec.data, &spec.plate_names(), limits, now).map_err(StartFault::Store)?;
+        let opened = Store::open(&spec.data, &spec.plate_names(), limits, now).map_err(StartError::Store)?;
         let (store, recovery) = (Arc::new(opened.0), opened.1);
         let plates = PlateSupervisor::start(&spec, prepared.libraries, &store, &recovery, clock);
-        let plates = plates.map_err(StartFault::Plates)?;
+        let plates = plates.map_err(StartError::Plates)?;
         log_recovery(&recovery, &store, &spec);
         let state =
-            DaemonState::new(spec, store, plates, prepared.tokens, clock, version).map_err(StartFault::Plates)?;
+            DaemonState::new(spec, store, plates, prepared.tokens, clock, version).map_err(StartError::Plates)?;
         let state = Arc::new(state);
         let stop = EmergencyStops(Arc::clone(&state));
         let port = listener.local_addr().map(|address| address.port());
@@ -100,7 +100,7 @@ impl Daemon {
         let fault = |error| tracing::error!("{}: {error}", state.spec.data.join(ESTOP_SOCKET).display());
         let estop_socket = estop_socket.map_err(fault).ok();
         if let Some(stop_listener) = stop_listener {
-            take_stops(stop_listener, &state).map_err(StartFault::Plates)?;
+            take_stops(stop_listener, &state).map_err(StartError::Plates)?;
         }
         Ok(Self { state, listener, estop_socket })
     }
@@ -212,8 +212,8 @@ fn take_stops(listener: TcpListener, state: &Arc<DaemonState>) -> io::Result<()>
     Ok(())
 }
 
-fn listener_at(address: SocketAddr) -> Result<TcpListener, StartFault> {
-    TcpListener::bind(address).map_err(|error| StartFault::Listen(address, error))
+fn listener_at(address: SocketAddr) -> Result<TcpListener, StartError> {
+    TcpListener::bind(address).map_err(|error| StartError::Listen(address, error))
 }
 
 /// Starts a thread that sends signs of life, twice in the manager's watchdog interval and only while the daemon is
@@ -270,7 +270,7 @@ mod tests {
         let [listen, stop] = [&first, &second].map(|listener| listener.local_addr().unwrap());
         let refused = |spec: &DaemonSpec| -> Vec<SocketAddr> {
             let address = |fault| match fault {
-                StartFault::Listen(address, error) if error.kind() == io::ErrorKind::AddrInUse => address,
+                StartError::Listen(address, error) if error.kind() == io::ErrorKind::AddrInUse => address,
                 other => panic!("{other}"),
             };
             Daemon::refused_addresses(spec).into_iter().map(address).collect()

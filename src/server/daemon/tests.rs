@@ -21,7 +21,7 @@ use tokio::runtime::{Builder, Runtime};
 use tower::ServiceExt;
 
 use super::start::Daemon;
-use super::{StartFault, prepare};
+use super::{StartError, prepare};
 use crate::api::{DaemonState, app};
 use crate::http::{BLOCKING_THREADS, ProblemDocument};
 use crate::store::{JobEnd, JobRow, JobState, Pace, RecordingStatus, SubmitOutcome};
@@ -64,7 +64,7 @@ fn spec(data: &Path) -> DaemonSpec {
     spec
 }
 
-fn start(spec: DaemonSpec) -> Result<Daemon, StartFault> {
+fn start(spec: DaemonSpec) -> Result<Daemon, StartError> {
     let prepared = prepare(&spec).unwrap();
     Daemon::start(spec, prepared, MonotonicClock::new(), Timestamp::now, "0.0.0")
 }

@@ -4,7 +4,7 @@ use rusqlite::{Connection, Error, ErrorCode, Params, Row, ffi};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::{JobId, StoreFault};
+use super::{JobId, StoreError};
 
 /// A value whose column has its JSON.
 pub(super) struct Json<T>(pub T);
@@ -49,7 +49,7 @@ impl FromSql for JobId {
     }
 }
 
-impl From<rusqlite::Error> for StoreFault {
+impl From<rusqlite::Error> for StoreError {
     fn from(error: rusqlite::Error) -> Self {
         use Error::{FromSqlConversionFailure, IntegralValueOutOfRange, InvalidColumnType, SqliteFailure};
         match &error {
@@ -65,7 +65,7 @@ impl From<rusqlite::Error> for StoreFault {
     }
 }
 
-impl From<std::io::Error> for StoreFault {
+impl From<std::io::Error> for StoreError {
     fn from(error: std::io::Error) -> Self {
         match error.kind() {
             std::io::ErrorKind::StorageFull => Self::Full,

@@ -4,7 +4,7 @@ use rusqlite::{Connection, OptionalExtension, Row, params};
 
 use super::columns::{Json, rows};
 use super::run_folders::size_of;
-use super::{AuditEntry, Job, JobEnd, JobId, JobRow, JobState, JobWithSpec, Store, StoreFault, SubmitOutcome, Write};
+use super::{AuditEntry, Job, JobEnd, JobId, JobRow, JobState, JobWithSpec, Store, StoreError, SubmitOutcome, Write};
 use crate::states::PauseCause;
 use upm_core::files::sync_folder;
 
@@ -14,7 +14,7 @@ pub(crate) type MakeFolder<'a> = &'a dyn Fn(&JobRow) -> io::Result<String>;
 impl Store {
     /// Queues a job, unless its key was used or its plate's queue is full. `None`, and nothing is stored, when `wanted`
     /// returns false once its turn comes.
-    pub fn accept(&self, job: &JobWithSpec, wanted: impl Fn() -> bool) -> Result<Option<SubmitOutcome>, StoreFault> {
+    pub fn accept(&self, job: &JobWithSpec, wanted: impl Fn() -> bool) -> Result<Option<SubmitOutcome>, StoreError> {
         self.write(|write| {
             if !wanted() {
                 return Ok(None);
@@ -33,13 +33,13 @@ impl Store {
     }
 
     /// The earlier answer to a request with this idempotency key; `None` for a new key.
-    pub fn repeated(&self, key: &str, body_sha256: &[u8; 32]) -> Result<Option<SubmitOutcome>, StoreFault> {
+    pub fn repeated(&self, key: &str, body_sha256: &[u8; 32]) -> Result<Option<SubmitOutcome>, StoreError> {
         self.read(|connection| repeated(connection, key, body_sha256))
     }
 
     /// Takes a job out of the queue. The job as it is then, with false for one that was not queued and stays as it is;
     /// `None` when there is no such job.
-    pub fn cancel_queued(&self, id: &JobId) -> Result<Option<(JobRow, bool)>, StoreFault> {
+    pub fn cancel_queued(&self, id: &JobId) -> Result<Option<(JobRow, bool)>, StoreError> {
         let end = JobEnd::of(JobState::Cancelled, "cancelled before it began");
         self.write(|write| match find(&write.tx, id)? {
             Some(row) if row.state == JobState::Queued => Ok(Some((self.end(write, row, end, write.at())?, true))),
@@ -49,7 +49,7 @@ impl Store {
 
     /// Moves a queued job to the front of its plate's queue; a job in another state stays as it is. The job as it is
     /// then; `None` when there is no such job.
-    pub fn move_to_front(&self, id: &JobId) -> Result<Option<JobRow>, StoreFault> {
+    pub fn move_to_front(&self, id: &JobId) -> Result<Option<JobRow>, StoreError> {
         self.write(|write| {
             let Some(row) = find(&write.tx, id)? else { return Ok(None) };
             let is_next = write.next_queued(&row.plate)?.is_some_and(|next| next.row.id == *id);
@@ -65,7 +65,7 @@ impl Store {
 
     /// Deletes a job that does not run, with its run folder. Its key stays spent: repeating the request does not run it
     /// again. False for one that runs, and stays; `None` when there is no such job.
-    pub fn delete(&self, id: &JobId, entry: AuditEntry) -> Result<Option<bool>, StoreFault> {
+    pub fn delete(&self, id: &JobId, entry: AuditEntry) -> Result<Option<bool>, StoreError> {
         self.write(|write| {
             let Some(row) = find(&write.tx, id)? else { return Ok(None) };
             if row.state == JobState::Running {
@@ -74,7 +74,7 @@ impl Store {
             if let Some(folder) = &row.folder
                 && !self.remove_folder(folder)
             {
-                return Err(StoreFault::Io(format!("run folder {folder} cannot be deleted")));
+                return Err(StoreError::Io(format!("run folder {folder} cannot be deleted")));
             }
             write.tx.execute("DELETE FROM jobs WHERE id = ?1", [id])?;
             write.audit(&AuditEntry { plate: Some(row.job.plate), reason: row.key.unwrap_or_default(), ..entry })?;
@@ -83,7 +83,7 @@ impl Store {
     }
 
     /// The job with that id; `None` when there is none.
-    pub fn job(&self, id: &JobId) -> Result<Option<JobRow>, StoreFault> {
+    pub fn job(&self, id: &JobId) -> Result<Option<JobRow>, StoreError> {
         self.read(|connection| find(connection, id))
     }
 
@@ -95,7 +95,7 @@ impl Store {
         plate: Option<&str>,
         before: Option<JobId>,
         limit: usize,
-    ) -> Result<Vec<JobRow>, StoreFault> {
+    ) -> Result<Vec<JobRow>, StoreError> {
         let by_state = state.map_or("?3 IS NULL", |_| "state = ?3");
         let by_plate = plate.map_or("?4 IS NULL", |_| "plate = ?4");
         let below = before.map_or("~".to_owned(), |id| id.to_string());
@@ -105,7 +105,7 @@ impl Store {
     }
 
     /// Number of jobs of each plate in each state, or in one.
-    pub fn counts(&self, of: Option<JobState>) -> Result<Vec<(String, JobState, u64)>, StoreFault> {
+    pub fn counts(&self, of: Option<JobState>) -> Result<Vec<(String, JobState, u64)>, StoreError> {
         let of = of.map_or(String::new(), |state| format!("WHERE state = '{}'", state.code()));
         let sql = &format!("SELECT plate, json_quote(state), count(*) FROM jobs {of} GROUP BY plate, state");
         let of_row = |row: &Row<'_>| Ok((row.get(0)?, row.get::<_, Json<JobState>>(1)?.0, row.get(2)?));
@@ -113,7 +113,7 @@ impl Store {
     }
 
     /// Takes the oldest job queued for `plate`: it is `running` on the disk when this returns, and is returned once.
-    pub(crate) fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<JobWithSpec>, StoreFault> {
+    pub(crate) fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<JobWithSpec>, StoreError> {
         self.write(|write| write.next_queued(plate)?.map(|job| self.begin(write, job, folder)).transpose())
     }
 
@@ -123,7 +123,7 @@ impl Store {
         &self,
         job: &JobWithSpec,
         folder: MakeFolder<'_>,
-    ) -> Result<Option<JobWithSpec>, StoreFault> {
+    ) -> Result<Option<JobWithSpec>, StoreError> {
         self.write(|write| {
             if write.queued(&job.row.plate)? > 0 {
                 return Ok(None);
@@ -134,7 +134,7 @@ impl Store {
         })
     }
 
-    fn begin(&self, write: &Write<'_>, job: JobWithSpec, folder: MakeFolder<'_>) -> Result<JobWithSpec, StoreFault> {
+    fn begin(&self, write: &Write<'_>, job: JobWithSpec, folder: MakeFolder<'_>) -> Result<JobWithSpec, StoreError> {
         let JobWithSpec { mut row, spec_json } = job;
         row.folder = Some(folder(&row)?);
         // a row must never name a folder that a power cut removes
@@ -147,18 +147,18 @@ impl Store {
 
     /// Stores the end of a running job; a job that had ended before stays as it is. On a fault the caller must retry
     /// later, and start nothing on its plate until then. Deletes old run folders.
-    pub(crate) fn finish(&self, id: &JobId, end: &JobEnd) -> Result<(), StoreFault> {
+    pub(crate) fn finish(&self, id: &JobId, end: &JobEnd) -> Result<(), StoreError> {
         self.write(|write| match find(&write.tx, id)? {
             Some(row) if row.state == JobState::Running => self.end(write, row, end.clone(), write.at()).map(drop),
             Some(_) => Ok(()),
-            None => Err(StoreFault::Io(format!("there is no job {id}"))),
+            None => Err(StoreError::Io(format!("there is no job {id}"))),
         })?;
         self.sweep();
         Ok(())
     }
 
     /// Ends a job at this time, or when it began or was submitted if that is later.
-    pub(super) fn end(&self, write: &Write<'_>, row: JobRow, end: JobEnd, at: String) -> Result<JobRow, StoreFault> {
+    pub(super) fn end(&self, write: &Write<'_>, row: JobRow, end: JobEnd, at: String) -> Result<JobRow, StoreError> {
         let JobRow { job, folder, .. } = &row;
         let JobEnd { state, reason, report, recording, progress } = end;
         let progress = if state == JobState::Completed { 1.0 } else { progress };
@@ -221,7 +221,7 @@ pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
 
 impl Store {
     /// Adds an entry to the audit log. No operation changes or removes one.
-    pub fn audit(&self, entry: &AuditEntry) -> Result<(), StoreFault> {
+    pub fn audit(&self, entry: &AuditEntry) -> Result<(), StoreError> {
         self.write(|write| write.audit(entry))
     }
 
@@ -231,7 +231,7 @@ impl Store {
         plate: &str,
         pause: Option<&PauseCause>,
         entry: &AuditEntry,
-    ) -> Result<(), StoreFault> {
+    ) -> Result<(), StoreError> {
         self.write(|write| {
             write.audit(entry)?;
             write.set_pause(plate, pause)
@@ -240,7 +240,7 @@ impl Store {
 }
 
 impl Write<'_> {
-    pub(super) fn audit(&self, entry: &AuditEntry) -> Result<(), StoreFault> {
+    pub(super) fn audit(&self, entry: &AuditEntry) -> Result<(), StoreError> {
         let AuditEntry { plate, act, operator, reason, remote, token_name } = entry;
         let sql = "INSERT INTO audit (at, plate, act, operator, reason, remote, token_name)
                    VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)";
@@ -248,7 +248,7 @@ impl Write<'_> {
         Ok(())
     }
 
-    pub(super) fn set_pause(&self, plate: &str, pause: Option<&PauseCause>) -> Result<(), StoreFault> {
+    pub(super) fn set_pause(&self, plate: &str, pause: Option<&PauseCause>) -> Result<(), StoreError> {
         let sql = "INSERT OR REPLACE INTO plates (name, pause) VALUES (?1, ?2)";
         self.tx.execute(sql, params![plate, pause.map(Json)])?;
         Ok(())

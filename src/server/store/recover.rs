@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::columns::{Json, rows};
 use super::jobs::{ended_in_order, job_of};
 use super::run_folders::{modified, text_of};
-use super::{AuditEntry, JobEnd, JobState, RecordingStatus, RecoveryReport, Store, StoreFault};
+use super::{AuditEntry, JobEnd, JobState, RecordingStatus, RecoveryReport, Store, StoreError};
 use crate::states::PauseCause;
 use upm_core::job::{Outcome, StopCause};
 
@@ -17,7 +17,7 @@ const FILES: [&str; 3] = ["report.json", "journal.jsonl", "effective.json"];
 impl Store {
     /// Recovers the state that the last daemon left: ends of its running jobs, paused plates. Idempotent: safe to
     /// repeat after a crash at any point.
-    pub(super) fn recover(&self, plates: &[String]) -> Result<RecoveryReport, StoreFault> {
+    pub(super) fn recover(&self, plates: &[String]) -> Result<RecoveryReport, StoreError> {
         self.write(|write| {
             let tx = &write.tx;
             let left = rows(tx, "SELECT job FROM jobs WHERE state = 'running' ORDER BY id", [], job_of)?;

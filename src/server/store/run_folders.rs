@@ -9,7 +9,7 @@ use rustix::fs::{Mode, OFlags, open, openat};
 use rustix::io::Errno;
 
 use super::columns::{rows, text_of_time};
-use super::{JobId, Store, StoreFault};
+use super::{JobId, Store, StoreError};
 
 /// Ended runs of standing jobs except the newest of each plate.
 const SURPLUS_STANDING: &str = "
@@ -35,7 +35,7 @@ impl Store {
         }
     }
 
-    fn try_sweep(&self) -> Result<(), StoreFault> {
+    fn try_sweep(&self) -> Result<(), StoreError> {
         let of_row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get(1)?));
         let surplus: Vec<(JobId, Option<String>)> =
             self.read(|connection| rows(connection, SURPLUS_STANDING, [self.limits.standing_runs], of_row))?;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rusqlite::Connection;
 
-use super::StoreFault;
+use super::StoreError;
 
 /// SQLite application id, `upm1`: identifies the file as a job store.
 pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
@@ -67,7 +67,7 @@ CREATE TRIGGER audit_keeps BEFORE DELETE ON audit BEGIN SELECT RAISE(ABORT, 'the
 
 /// Opens the store at `path`, creating it if there is none. A file that is no store of this version is refused and left
 /// untouched.
-pub(super) fn open_database(path: &Path) -> Result<Connection, StoreFault> {
+pub(super) fn open_database(path: &Path) -> Result<Connection, StoreError> {
     match header_of(path)? {
         None | Some((APPLICATION_ID, VERSION)) => {}
         Some((APPLICATION_ID, found)) => return Err(other(path, format!("version {found}"))),
@@ -88,13 +88,13 @@ pub(super) fn open_database(path: &Path) -> Result<Connection, StoreFault> {
     )?;
     match connection.query_row("PRAGMA quick_check(1)", [], |row| row.get::<_, String>(0))?.as_str() {
         "ok" => Ok(connection),
-        damage => Err(StoreFault::Corrupt(damage.to_owned())),
+        damage => Err(StoreError::Corrupt(damage.to_owned())),
     }
 }
 
 /// Application id and schema version in the header of a database; `None` for a file that is missing or empty, as a
 /// crash during the first start leaves it.
-fn header_of(path: &Path) -> Result<Option<(i32, i32)>, StoreFault> {
+fn header_of(path: &Path) -> Result<Option<(i32, i32)>, StoreError> {
     let mut header = Vec::new();
     match File::open(path) {
         Ok(file) => file.take(100).read_to_end(&mut header)?,
@@ -109,6 +109,6 @@ fn header_of(path: &Path) -> Result<Option<(i32, i32)>, StoreFault> {
     }
 }
 
-fn other(path: &Path, found: String) -> StoreFault {
-    StoreFault::Other { file: path.display().to_string(), found, expected: VERSION }
+fn other(path: &Path, found: String) -> StoreError {
+    StoreError::Other { file: path.display().to_string(), found, expected: VERSION }
 }

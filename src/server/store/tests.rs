@@ -11,7 +11,7 @@ use parking_lot::MutexGuard;
 
 use super::{
     AuditEntry, Job, JobEnd, JobId, JobRow, JobState, JobWithSpec, Opened, Pace, RecordingStatus, RecoveryReport,
-    Store, StoreFault, StoreLimits, SubmitOutcome,
+    Store, StoreError, StoreLimits, SubmitOutcome,
 };
 
 const TIMEOUT: Duration = Duration::from_secs(60);
@@ -63,7 +63,7 @@ fn plates() -> Vec<String> {
     ["a", "b"].map(String::from).to_vec()
 }
 
-fn try_open(data: &Path, limits: StoreLimits) -> Result<(Store, RecoveryReport), StoreFault> {
+fn try_open(data: &Path, limits: StoreLimits) -> Result<(Store, RecoveryReport), StoreError> {
     Store::open(data, &plates(), limits, fixed_time)
 }
 

@@ -171,7 +171,7 @@ impl AuditEntry {
 
 /// Why the store did not fulfil a request.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum StoreFault {
+pub enum StoreError {
     /// The disk is full.
     #[error("the disk of the job store is full")]
     Full,

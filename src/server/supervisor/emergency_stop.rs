@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use parking_lot::Mutex;
 
-use super::ResetFault;
+use super::ResetError;
 use super::latch::{Latch, StopToken};
 use upm_core::job::StopRequest;
 use upm_core::rig::{Interlock, Trip};
@@ -105,11 +105,11 @@ impl EmergencyStop {
     }
 
     /// The stop that holds, as the token for its reset.
-    pub fn held(&self) -> Result<StopToken, ResetFault> {
+    pub fn held(&self) -> Result<StopToken, ResetError> {
         match self.latch.held() {
             Some(held) => Ok(held),
-            None if self.holds() => Err(ResetFault::StillStopping),
-            None => Err(ResetFault::NotStopped),
+            None if self.holds() => Err(ResetError::StillStopping),
+            None => Err(ResetError::NotStopped),
         }
     }
 
@@ -118,23 +118,23 @@ impl EmergencyStop {
     pub fn reset(
         &self,
         held: StopToken,
-        allow: impl FnOnce() -> Result<(), ResetFault>,
+        allow: impl FnOnce() -> Result<(), ResetError>,
         pause: impl FnOnce(),
-    ) -> Result<(), ResetFault> {
+    ) -> Result<(), ResetError> {
         let _alone = self.resetting.lock();
         if self.held()? != held {
-            return Err(ResetFault::StoppedAgain);
+            return Err(ResetError::StoppedAgain);
         }
         allow()?;
         let is_tripped = self.interlock.tripped() == Some(Trip::EStop);
         if is_tripped && !self.interlock.release(Trip::EStop) {
-            return Err(ResetFault::StillStopping);
+            return Err(ResetError::StillStopping);
         }
         pause();
         if !self.latch.release(held) {
             // the newer stop may have found the interlock still tripped
             self.interlock.trip(Trip::EStop);
-            return Err(ResetFault::StoppedAgain);
+            return Err(ResetError::StoppedAgain);
         }
         if let Err(error) = self.latch.write() {
             tracing::error!("a reset cannot be written to the disk, the plate is stopped after a restart: {error}");

@@ -12,7 +12,7 @@ use super::emergency_stop::EmergencyStop;
 use super::job_rules::{JobRules, Standing};
 use super::latch::StopToken;
 use super::preview::{FramePreview, OLDEST};
-use super::{Observation, Plate, PlateState, ResetFault};
+use super::{Observation, Plate, PlateState, ResetError};
 use crate::states::PauseCause;
 use crate::store::{AuditEntry, JobId, Store};
 use upm_core::job::{LayoutPart, StopRequest};
@@ -237,16 +237,16 @@ impl PlateHandle {
     /// Takes back that emergency stop once the reset is in the audit log: waits for the disk. The plate is then paused,
     /// so nothing starts. A stop made since `held` was read holds, and so does every stop once `is_listening` returns
     /// false.
-    pub fn reset(&self, held: StopToken, who: AuditEntry, is_listening: impl Fn() -> bool) -> Result<(), ResetFault> {
+    pub fn reset(&self, held: StopToken, who: AuditEntry, is_listening: impl Fn() -> bool) -> Result<(), ResetError> {
         let mut is_written = false;
         let allow = || {
             if self.job.running().is_some() {
-                return Err(ResetFault::StillStopping);
+                return Err(ResetError::StillStopping);
             }
-            self.store.audit(&self.audit_entry("reset", who.clone())).map_err(ResetFault::NotPersisted)?;
+            self.store.audit(&self.audit_entry("reset", who.clone())).map_err(ResetError::NotPersisted)?;
             is_written = true;
             // asked after the wait for the disk: a client without an answer assumes that the plate is still stopped
-            is_listening().then_some(()).ok_or(ResetFault::NotAwaited)
+            is_listening().then_some(()).ok_or(ResetError::NotAwaited)
         };
         let pause = || {
             let remedy = "look at the plate, then resume";

@@ -142,7 +142,7 @@ fn caller(operator: &str) -> AuditEntry {
 }
 
 /// Takes back the stop that holds now.
-fn reset(plate: &PlateHandle, operator: &str) -> Result<(), ResetFault> {
+fn reset(plate: &PlateHandle, operator: &str) -> Result<(), ResetError> {
     plate.reset(plate.emergency_stop.held()?, caller(operator), || true)
 }
 
@@ -203,8 +203,8 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     assert!(times.motors_off_at.secs_since(times.requested_at) < 0.02, "{times:?}");
     assert!(!plate.resume(caller("bob")), "a stop holds");
 
-    eventually_true("a reset", || reset(plate, "bob") != Err(ResetFault::StillStopping));
-    assert_eq!(reset(plate, "bob"), Err(ResetFault::NotStopped));
+    eventually_true("a reset", || reset(plate, "bob") != Err(ResetError::StillStopping));
+    assert_eq!(reset(plate, "bob"), Err(ResetError::NotStopped));
     assert_eq!(plate.snapshot().state, PlateState::Paused);
     idles(plate);
     assert_eq!(test_plates.row(&second).state, JobState::Queued, "a reset starts nothing");

@@ -2,7 +2,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::states::{PauseCause, PlateFinding, PlateState, StandingJob};
-use crate::store::StoreFault;
+use crate::store::StoreError;
 use upm_core::job::LayoutPart;
 use upm_recording::{RecordingState, StopReport};
 
@@ -81,7 +81,7 @@ pub struct Observation {
 
 /// Why a plate was not reset.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum ResetFault {
+pub(crate) enum ResetError {
     /// No emergency stop holds.
     #[error("the plate is not stopped")]
     NotStopped,
@@ -96,5 +96,5 @@ pub(crate) enum ResetFault {
     NotAwaited,
     /// The audit log could not store the reset.
     #[error("reset refused: it could not be recorded ({0})")]
-    NotPersisted(StoreFault),
+    NotPersisted(StoreError),
 }

@@ -12,7 +12,7 @@ use super::PlateHandle;
 use super::job_rules::Standing;
 use super::run_observer::RunObserver;
 use crate::states::PauseCause;
-use crate::store::{Job, JobEnd, JobId, JobRow, JobState, JobWithSpec, Pace, RecordingStatus, StoreFault, low_disk};
+use crate::store::{Job, JobEnd, JobId, JobRow, JobState, JobWithSpec, Pace, RecordingStatus, StoreError, low_disk};
 use upm_core::background::OverflowPolicy;
 use upm_core::files::free_bytes;
 use upm_core::job::{StopCause, StopRequest};
@@ -80,7 +80,7 @@ impl PlateWorker {
     }
 
     /// The oldest queued job, or the standing job when none is queued and it may run.
-    fn next_job(&self) -> Result<Option<JobWithSpec>, StoreFault> {
+    fn next_job(&self) -> Result<Option<JobWithSpec>, StoreError> {
         let store = &self.shared.store;
         let folder = |row: &JobRow| make_folder(store.runs(), row);
         if let Some(claimed) = store.claim(&self.shared.name, &folder)? {

@@ -9,7 +9,7 @@ use super::{FaultKind, FaultSpec, FaultyComponent, picture, trace};
 use crate::{Plant, SimRig};
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
-use upm_core::rig::{Rig, RigFault};
+use upm_core::rig::{Rig, RigError};
 use upm_core::signal::{AccelTrace, Drive, Frame, MOTORS, MeasuredPositions};
 use upm_core::time::PlateTime;
 use upm_core::units::{GRAVITY_MPS2, m_from_mm};
@@ -117,9 +117,9 @@ impl<'a> Faulty<'a> {
         }
     }
 
-    fn refuse_broken(&self) -> Result<(), RigFault> {
+    fn refuse_broken(&self) -> Result<(), RigError> {
         match self.find(self.rig.now(), FaultyComponent::Device, FaultKind::Error) {
-            Some(_) => Err(RigFault::Device("the controller does not answer".into())),
+            Some(_) => Err(RigError::Device("the controller does not answer".into())),
             None => Ok(()),
         }
     }
@@ -201,11 +201,11 @@ impl Rig for Faulty<'_> {
         self.rig.now()
     }
 
-    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+    fn play(&mut self, drive: &Drive) -> Result<(), RigError> {
         self.settle_plant();
         self.refuse_broken()?;
         if self.find(self.rig.now(), FaultyComponent::Device, FaultKind::Busy).is_some() {
-            return Err(RigFault::Busy(self.rig.settled_at()));
+            return Err(RigError::Busy(self.rig.settled_at()));
         }
         self.started_at = self.rig.now();
         self.rig.play(drive)
@@ -215,7 +215,7 @@ impl Rig for Faulty<'_> {
         self.rig.takes_over()
     }
 
-    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
+    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigError> {
         self.settle_plant();
         self.refuse_broken()?;
         self.started_at = self.rig.now();
@@ -226,7 +226,7 @@ impl Rig for Faulty<'_> {
         self.rig.settled_at()
     }
 
-    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigError> {
         self.hang();
         for _ in 0..MOST_LOST {
             self.settle_plant();
@@ -237,7 +237,7 @@ impl Rig for Faulty<'_> {
                 return Ok(());
             }
         }
-        Err(RigFault::Device(format!("the camera sends nothing: {MOST_LOST} frames are lost in a row")))
+        Err(RigError::Device(format!("the camera sends nothing: {MOST_LOST} frames are lost in a row")))
     }
 
     fn trace(&self) -> AccelTrace {
@@ -257,7 +257,7 @@ impl Rig for Faulty<'_> {
         }
     }
 
-    fn pass(&mut self, until: PlateTime) -> Result<(), RigFault> {
+    fn pass(&mut self, until: PlateTime) -> Result<(), RigError> {
         self.settle_plant();
         self.rig.pass(until)
     }

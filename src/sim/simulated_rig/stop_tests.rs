@@ -48,9 +48,9 @@ proptest! {
         let answer = interlock.stop_times().unwrap();
         prop_assert!(answer.motors_off_at - answer.requested_at <= STEP_S + 1e-12, "{answer:?}");
         prop_assert!((tripped_at - answer.requested_at).abs() <= STEP_S + 1e-12, "{answer:?}");
-        prop_assert_eq!(rig.play(&long_drive()), Err(RigFault::Stopped(Trip::ALL[why])));
+        prop_assert_eq!(rig.play(&long_drive()), Err(RigError::Stopped(Trip::ALL[why])));
         let mut frame = Frame::new(1, 1);
-        prop_assert_eq!(rig.capture(&mut frame), Err(RigFault::Stopped(Trip::ALL[why])));
+        prop_assert_eq!(rig.capture(&mut frame), Err(RigError::Stopped(Trip::ALL[why])));
     }
 
     #[test]
@@ -60,7 +60,7 @@ proptest! {
             one_step(&mut rig);
         }
         let left_at = rig.now();
-        prop_assert_eq!(rig.pass(left_at + away_s), Err(RigFault::Stopped(Trip::Lease)));
+        prop_assert_eq!(rig.pass(left_at + away_s), Err(RigError::Stopped(Trip::Lease)));
         prop_assert!((rig.now() - left_at - away_s).abs() <= STEP_S, "time passes all the same");
         let answer = interlock.stop_times().unwrap();
         prop_assert!((answer.motors_off_at - left_at - Interlock::LEASE_S).abs() <= STEP_S, "{answer:?} from {left_at}");
@@ -88,7 +88,7 @@ fn a_lease_that_does_not_run_out_leaves_the_pulse_as_it_is() {
 fn a_lease_runs_out_without_an_interlock_too() {
     let mut rig = rig(1);
     rig.play(&long_drive()).unwrap();
-    assert_eq!(rig.pass(rig.now() + 1.0), Err(RigFault::Stopped(Trip::Lease)));
+    assert_eq!(rig.pass(rig.now() + 1.0), Err(RigError::Stopped(Trip::Lease)));
     assert_eq!(rig.plant.motors.wrench(), Wrench::default());
 }
 
@@ -96,7 +96,7 @@ fn a_lease_runs_out_without_an_interlock_too() {
 fn an_emergency_stop_goes_before_the_lease() {
     let (mut rig, interlock) = driving();
     interlock.trip(Trip::EStop);
-    assert_eq!(rig.pass(rig.now() + 1.0), Err(RigFault::Stopped(Trip::EStop)));
+    assert_eq!(rig.pass(rig.now() + 1.0), Err(RigError::Stopped(Trip::EStop)));
     assert!(interlock.stop_times().unwrap().motors_off_at - PlateTime::ZERO <= STEP_S);
 }
 
@@ -120,7 +120,7 @@ fn another_thread_stops_a_pulse_that_is_being_captured() {
         };
         (fault, presser.join().unwrap())
     });
-    assert_eq!(fault, RigFault::Stopped(Trip::EStop));
+    assert_eq!(fault, RigError::Stopped(Trip::EStop));
     let answer = interlock.stop_times().unwrap();
     assert!(answer.requested_at.secs() >= 0.03 - STEP_S, "{answer:?}");
     assert!(answer.requested_at <= answer.motors_off_at, "{answer:?}");
@@ -141,7 +141,7 @@ fn the_next_rig_finds_the_trip_and_plays_nothing_until_it_is_released() {
     drop(first);
     let mut second = rig(2);
     second.attach(interlock.clone()).unwrap();
-    assert_eq!(second.play(&long_drive()), Err(RigFault::Stopped(Trip::Watchdog)));
+    assert_eq!(second.play(&long_drive()), Err(RigError::Stopped(Trip::Watchdog)));
     assert!(!interlock.release(Trip::Watchdog));
     drop(second);
     assert!(interlock.release(Trip::Watchdog));

@@ -102,7 +102,7 @@ fn pulse_keeps_the_rig_busy_moves_parts_and_leaves_a_trace() {
     let start = rig.now();
     rig.play(&drive(300.0)).unwrap();
     assert!((rig.settled_at() - start - ENVELOPE.total_s()).abs() < 1e-9);
-    assert_eq!(rig.play(&drive(300.0)), Err(RigFault::Busy(rig.settled_at())));
+    assert_eq!(rig.play(&drive(300.0)), Err(RigError::Busy(rig.settled_at())));
     assert!(rig.trace().is_empty());
     while rig.now() < rig.settled_at() {
         capture(&mut rig);
@@ -127,7 +127,7 @@ fn invalid_drives_are_refused() {
         change(&mut drive);
         drive
     };
-    assert!(matches!(rig.play(&drive(1e4)), Err(RigFault::DriveTooStrong { .. })));
+    assert!(matches!(rig.play(&drive(1e4)), Err(RigError::DriveTooStrong { .. })));
     for bad in [
         with(|d| d.base_radps = f64::NAN),
         with(|d| d.base_radps = 0.0),
@@ -136,7 +136,7 @@ fn invalid_drives_are_refused() {
         with(|d| d.envelope.sustain_s = 0.3),
         with(|d| d.envelope.rest_s = 1e9),
     ] {
-        assert!(matches!(rig.play(&bad), Err(RigFault::BadDrive(_))), "{bad:?}");
+        assert!(matches!(rig.play(&bad), Err(RigError::BadDrive(_))), "{bad:?}");
     }
     assert!(rig.plant.still);
 }

@@ -4,7 +4,7 @@ use super::args::{CalibrateArgs, Common};
 use super::output::{Failure, INTERRUPTED, NOT_REACHED, print, stop_on_interrupt};
 use super::progress::LateProgress;
 use super::run::run_failure;
-use upm_control::calibration::{CalibrationFault, CalibrationProgress};
+use upm_control::calibration::{CalibrationError, CalibrationProgress};
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
 use upm_runner::config::RigSpec;
@@ -21,7 +21,7 @@ pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Fail
     progress.finish();
     let library = match library {
         Ok(library) => library,
-        Err(CalibrationFault::Stopped) => return Ok(INTERRUPTED),
+        Err(CalibrationError::Stopped) => return Ok(INTERRUPTED),
         Err(fault) => return Err(Failure::failed(format!("calibration of {}: {fault}", rig.model.name))),
     };
     let replaced = output.replace(&library, &rig);

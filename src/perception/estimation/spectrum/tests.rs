@@ -128,7 +128,7 @@ proptest! {
 fn lines_that_fix_no_oscillator_are_rejected() {
     let force = force(1.0);
     let rejected = |accel: &[Complex<f64>]| {
-        matches!(fit_oscillator(BASE_RADPS, &force, accel), Err(FitFault::Undetermined { .. }))
+        matches!(fit_oscillator(BASE_RADPS, &force, accel), Err(FitError::Undetermined { .. }))
     };
     assert!(rejected(&[]), "no lines");
     assert!(rejected(&vec![Complex::default(); LINES]), "a plate at rest");
@@ -152,10 +152,10 @@ fn spoiled_traces_give_no_lines() {
     let sensors = AccelerometerPair::exact(PLACE_M);
     let read = |trace: &AccelTrace, base_radps: f64| axis_lines(trace, &ENVELOPE, base_radps, LINES, &sensors).err();
     assert_eq!(read(&silent(4600), BASE_RADPS), None);
-    assert!(matches!(read(&silent(2000), BASE_RADPS), Some(FitFault::TooShort { .. })));
+    assert!(matches!(read(&silent(2000), BASE_RADPS), Some(FitError::TooShort { .. })));
     let uneven = read(&silent(4600), TAU / 0.29993);
-    assert_eq!(uneven, Some(FitFault::Unreadable("the periods read are not whole samples")));
+    assert_eq!(uneven, Some(FitError::Unreadable("the periods read are not whole samples")));
     let mut clipped = silent(4600);
     clipped.counts[3][2000] = 1023;
-    assert!(matches!(read(&clipped, BASE_RADPS), Some(FitFault::Clipped { channel: 3, samples: 1, .. })));
+    assert!(matches!(read(&clipped, BASE_RADPS), Some(FitError::Clipped { channel: 3, samples: 1, .. })));
 }

@@ -129,15 +129,15 @@ fn traces_that_cannot_be_fitted_are_refused() {
     };
     assert!(fit(&trace, &envelope, 8).is_ok());
     let short = Envelope { sustain_s: 0.033, ..envelope };
-    assert!(matches!(fit(&trace, &short, 8), Err(FitFault::TooShort { .. })));
-    assert!(matches!(fit(&trace, &envelope, 42), Err(FitFault::Unreadable(_))), "3.97 samples to a period");
-    assert!(matches!(fit(&trace, &envelope, 0), Err(FitFault::TooWeak { .. })));
-    assert!(matches!(fit(&AccelTrace::default(), &envelope, 8), Err(FitFault::Unreadable(_))));
+    assert!(matches!(fit(&trace, &short, 8), Err(FitError::TooShort { .. })));
+    assert!(matches!(fit(&trace, &envelope, 42), Err(FitError::Unreadable(_))), "3.97 samples to a period");
+    assert!(matches!(fit(&trace, &envelope, 0), Err(FitError::TooWeak { .. })));
+    assert!(matches!(fit(&AccelTrace::default(), &envelope, 8), Err(FitError::Unreadable(_))));
     let cut = AccelTrace { counts: trace.counts.clone().map(|counts| counts[..550].to_vec()), ..trace.clone() };
-    assert!(matches!(fit(&cut, &envelope, 8), Err(FitFault::CutShort { .. })));
+    assert!(matches!(fit(&cut, &envelope, 8), Err(FitError::CutShort { .. })));
     let mut clipped = trace.clone();
     clipped.counts[1][600] = 1023;
-    assert_eq!(fit(&clipped, &envelope, 8), Err(FitFault::Clipped { channel: 1, samples: 1, limit: 1023 }));
+    assert_eq!(fit(&clipped, &envelope, 8), Err(FitError::Clipped { channel: 1, samples: 1, limit: 1023 }));
 }
 
 /// White noise alone: the coefficients' errors over their standard deviations have a root mean square of 1.

@@ -2,8 +2,8 @@
 
 use super::tests::small;
 use super::*;
-use upm_control::calibration::{CoilFault, MiswiredChannel, RigComponent};
-use upm_core::rig::{Rig, RigFault};
+use upm_control::calibration::{CoilError, MiswiredChannel, RigComponent};
+use upm_core::rig::{Rig, RigError};
 use upm_core::signal::{AccelTrace, Drive, Frame, Motor, MotorArrangement, Shaping};
 use upm_core::time::PlateTime;
 
@@ -58,7 +58,7 @@ impl Rig for AlteredRig {
         self.rig.now()
     }
 
-    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+    fn play(&mut self, drive: &Drive) -> Result<(), RigError> {
         let mut drive = drive.clone();
         match self.alteration {
             Alteration::Coil(coil, factor) if self.is_altered() => scale_coil(&mut drive, coil, factor),
@@ -72,7 +72,7 @@ impl Rig for AlteredRig {
         true
     }
 
-    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigFault> {
+    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigError> {
         self.rig.take_over(drive)
     }
 
@@ -80,7 +80,7 @@ impl Rig for AlteredRig {
         self.rig.settled_at()
     }
 
-    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigFault> {
+    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigError> {
         self.rig.capture(frame)?;
         if !matches!(self.alteration, Alteration::Camera) {
             return Ok(());
@@ -107,11 +107,11 @@ impl Rig for AlteredRig {
     }
 }
 
-fn made(alteration: Alteration, from_s: f64) -> Result<Library, CalibrationFault> {
+fn made(alteration: Alteration, from_s: f64) -> Result<Library, CalibrationError> {
     made_with(MotorArrangement::Around, alteration, from_s)
 }
 
-fn made_with(arrangement: MotorArrangement, alteration: Alteration, from_s: f64) -> Result<Library, CalibrationFault> {
+fn made_with(arrangement: MotorArrangement, alteration: Alteration, from_s: f64) -> Result<Library, CalibrationError> {
     let (mut rig, params) = small();
     (rig.model.motor_arrangement, rig.sim.motors.arrangement) = (arrangement, arrangement);
     let simulated = simulated(&rig, 1).unwrap();
@@ -123,7 +123,7 @@ fn made_with(arrangement: MotorArrangement, alteration: Alteration, from_s: f64)
     CalibrationSession::new(&mut altered, &rig.model, &stop, &mut |_| ()).library(&rig.fingerprint, &params)
 }
 
-fn refusal(alteration: Alteration, from_s: f64) -> CalibrationFault {
+fn refusal(alteration: Alteration, from_s: f64) -> CalibrationError {
     made(alteration, from_s).unwrap_err()
 }
 
@@ -147,11 +147,11 @@ fn libraries_of_both_motor_arrangements_differ_in_signs_alone_and_know_the_noise
 fn dead_reversed_and_weak_coils_are_refused_by_name() {
     for (k, motor) in Motor::ALL.into_iter().enumerate() {
         for (factor, wanted) in [(0.0, "dead"), (-1.0, "reversed"), (0.6, "unlike")] {
-            let CalibrationFault::Coil { coil, fault } = refusal(Alteration::Coil(k, factor), 0.0) else { panic!() };
+            let CalibrationError::Coil { coil, fault } = refusal(Alteration::Coil(k, factor), 0.0) else { panic!() };
             let found = match fault {
-                CoilFault::Dead { .. } => "dead",
-                CoilFault::Reversed { gain } if (gain + 1.0).abs() < 0.2 => "reversed",
-                CoilFault::Unlike { .. } => "unlike",
+                CoilError::Dead { .. } => "dead",
+                CoilError::Reversed { gain } if (gain + 1.0).abs() < 0.2 => "reversed",
+                CoilError::Unlike { .. } => "unlike",
                 _ => "another fault",
             };
             assert_eq!((coil, found), (motor, wanted), "{fault:?}");
@@ -164,14 +164,14 @@ fn swapped_coils_are_refused_by_their_names() {
     for arrangement in MotorArrangement::ALL {
         for (a, b) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
             match made_with(arrangement, Alteration::Swap(a, b), 0.0).unwrap_err() {
-                CalibrationFault::Coil { coil, fault: CoilFault::Swapped { other } } => {
+                CalibrationError::Coil { coil, fault: CoilError::Swapped { other } } => {
                     // beside each other X2 and Y1, exchanged, act on each axis as X1 and Y2 do
                     let alike = arrangement == MotorArrangement::Beside && a + b == 3;
                     let pair = [coil, other].map(|coil| coil as usize);
                     assert!(pair == [a, b] || alike && pair[0] + pair[1] == 3, "{pair:?} {a} {b}");
                 }
                 // beside each other they push alike: exchanged, the pulse of spin only squeezes the plate
-                CalibrationFault::Still { axis: "axis spin", .. } if arrangement == MotorArrangement::Beside => {
+                CalibrationError::Still { axis: "axis spin", .. } if arrangement == MotorArrangement::Beside => {
                     assert!(b == a + 1 && a % 2 == 0, "{a} {b}");
                 }
                 fault => panic!("{fault}"),
@@ -188,7 +188,7 @@ fn coils_far_off_their_nominal_force_are_refused() {
     let stop = AtomicBool::new(false);
     let made = CalibrationSession::new(&mut simulated, &rig.model, &stop, &mut |_| ()).library("", &params);
     let fault = made.unwrap_err();
-    assert!(matches!(fault, CalibrationFault::Coil { fault: CoilFault::Gain { .. }, .. }), "{fault}");
+    assert!(matches!(fault, CalibrationError::Coil { fault: CoilError::Gain { .. }, .. }), "{fault}");
 }
 
 #[test]
@@ -196,7 +196,7 @@ fn miswired_accelerometer_channels_are_refused_by_name() {
     let dead_or_reversed = (0..4).flat_map(|channel| [(channel, 0.0, "dead"), (channel, -1.0, "reversed")]);
     for (channel, factor, wanted) in dead_or_reversed.chain([(2, 0.7, "gain")]) {
         let refused = refusal(Alteration::Channel(channel, factor), 0.0);
-        let CalibrationFault::Channel { channel: named, fault } = refused else { panic!("{refused}") };
+        let CalibrationError::Channel { channel: named, fault } = refused else { panic!("{refused}") };
         let found = match fault {
             MiswiredChannel::Dead { .. } => "dead",
             MiswiredChannel::Reversed { .. } => "reversed",
@@ -214,11 +214,11 @@ const DURING_CENTRES_S: f64 = 121.0;
 #[test]
 fn changes_within_a_calibration_are_refused_by_what_sees_them() {
     let fault = refusal(Alteration::Channel(1, -1.0), DURING_STEPS_S);
-    assert!(matches!(fault, CalibrationFault::Changed { component: RigComponent::Channel(1), .. }), "{fault}");
+    assert!(matches!(fault, CalibrationError::Changed { component: RigComponent::Channel(1), .. }), "{fault}");
     let fault = refusal(Alteration::Coil(2, 0.6), DURING_STEPS_S);
-    assert!(matches!(fault, CalibrationFault::StepChanged { .. }), "{fault}");
+    assert!(matches!(fault, CalibrationError::StepChanged { .. }), "{fault}");
     let fault = refusal(Alteration::Coil(2, 0.6), DURING_CENTRES_S);
-    assert!(matches!(fault, CalibrationFault::Changed { component: RigComponent::Coil(Motor::Y1), .. }), "{fault}");
+    assert!(matches!(fault, CalibrationError::Changed { component: RigComponent::Coil(Motor::Y1), .. }), "{fault}");
     let fault = refusal(Alteration::Camera, DURING_STEPS_S);
-    assert!(matches!(&fault, CalibrationFault::Unseen(reason) if reason.contains("same picture again")), "{fault}");
+    assert!(matches!(&fault, CalibrationError::Unseen(reason) if reason.contains("same picture again")), "{fault}");
 }

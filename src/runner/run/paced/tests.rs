@@ -74,7 +74,7 @@ impl Rig for MadeUp<'_> {
         PlateTime::from_nanos(self.world.plate_ns.get())
     }
 
-    fn play(&mut self, drive: &Drive) -> Result<(), RigFault> {
+    fn play(&mut self, drive: &Drive) -> Result<(), RigError> {
         self.settled_at = self.now() + drive.envelope.total_s();
         Ok(())
     }
@@ -83,7 +83,7 @@ impl Rig for MadeUp<'_> {
         self.settled_at
     }
 
-    fn capture(&mut self, _: &mut Frame) -> Result<(), RigFault> {
+    fn capture(&mut self, _: &mut Frame) -> Result<(), RigError> {
         self.world.spend(self.world.capture_takes.get());
         self.world.plate_ns.set(self.world.plate_ns.get() + PERIOD_NS);
         Ok(())
@@ -97,9 +97,9 @@ impl Rig for MadeUp<'_> {
         self.world.calls.borrow_mut().push("stop".into());
     }
 
-    fn pass(&mut self, until: PlateTime) -> Result<(), RigFault> {
+    fn pass(&mut self, until: PlateTime) -> Result<(), RigError> {
         self.world.calls.borrow_mut().push(format!("pass {}", until.nanos()));
-        Err(RigFault::Stopped(Trip::Lease))
+        Err(RigError::Stopped(Trip::Lease))
     }
 }
 
@@ -109,7 +109,7 @@ fn pulse() -> Drive {
     Drive { base_radps: 377.0, envelope, ..Drive::default() }
 }
 
-fn capture(rig: &mut RealTimeRig<'_>) -> Result<(), RigFault> {
+fn capture(rig: &mut RealTimeRig<'_>) -> Result<(), RigError> {
     rig.capture(&mut Frame::new(1, 1))
 }
 
@@ -168,7 +168,7 @@ fn a_trip_ends_the_wait_and_stops_the_rig_at_once() {
         world.plate_ns.set(10_000_000_000);
         capture(rig)
     });
-    assert_eq!(fault, Err(RigFault::Stopped(Trip::EStop)));
+    assert_eq!(fault, Err(RigError::Stopped(Trip::EStop)));
     assert!(world.elapsed() <= LONGEST_SLEEP && world.called("stop") == 1);
 }
 

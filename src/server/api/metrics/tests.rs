@@ -3,7 +3,7 @@ use std::time::Duration;
 
 use super::text;
 use crate::api::health::Observed;
-use crate::store::StoreFault;
+use crate::store::StoreError;
 
 /// Name, type, unit and labels of the metric whose text begins with its name and its help.
 fn line_of(metric: &str) -> String {
@@ -53,7 +53,7 @@ fn unknown_values_are_omitted_and_odd_names_escaped() {
     let mut observed = Observed::healthy();
     observed.free_bytes = None;
     observed.plates[1].name = "a\\b\"c\nd".to_owned();
-    observed.store_fault = Some(StoreFault::Full);
+    observed.store_fault = Some(StoreError::Full);
     observed.store_silence = Duration::from_secs(60);
     let text = text(&observed);
     assert!(!text.contains("upm_disk_free"));

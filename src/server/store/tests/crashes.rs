@@ -214,7 +214,7 @@ fn file_that_is_no_store_of_this_version_is_refused_and_left_untouched() {
     sound.iter_mut().skip(4096).for_each(|byte| *byte = 0x5a);
     fs::write(&path, &sound).unwrap();
     fs::remove_file(folder.path().join("upm.db-wal")).ok();
-    assert!(matches!(try_open(folder.path(), limits()), Err(StoreFault::Corrupt(_))));
+    assert!(matches!(try_open(folder.path(), limits()), Err(StoreError::Corrupt(_))));
     assert_eq!(fs::read(&path).unwrap(), sound, "a damaged store stays as it is");
 }
 

@@ -30,7 +30,7 @@ fn answered_job_is_the_stored_one() {
     let ended = JobRow { job: ended, ..claimed.row };
     assert_eq!(job(&store, row.id), ended, "it ends once");
     assert!(store.close(TIMEOUT));
-    assert_eq!(store.job(&row.id), Err(StoreFault::Closed));
+    assert_eq!(store.job(&row.id), Err(StoreError::Closed));
     assert_eq!(job(&open(folder.path(), limits()).0, row.id), ended);
     assert!(store.finish(&no_job(), &end(JobState::Failed)).is_err());
 }
@@ -110,7 +110,7 @@ fn folder_that_cannot_be_made_leaves_the_job_queued() {
     let (_folder, store) = new_store(limits());
     let id = queue(&store, "one", "a").id;
     let fault = store.claim("a", &|_| Err(io::Error::from(io::ErrorKind::StorageFull))).unwrap_err();
-    assert_eq!((fault.clone(), store.fault()), (StoreFault::Full, Some(fault)));
+    assert_eq!((fault.clone(), store.fault()), (StoreError::Full, Some(fault)));
     assert_eq!(job(&store, id).state, JobState::Queued);
     store.retry();
     assert_eq!((store.fault(), claim(&store, "a").unwrap().row.id), (None, id));

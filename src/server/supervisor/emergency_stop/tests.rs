@@ -8,7 +8,7 @@ use std::time::Duration;
 use proptest::prelude::*;
 
 use super::*;
-use crate::store::StoreFault;
+use crate::store::StoreError;
 use upm_core::rig::InterlockGuard;
 use upm_core::time::PlateTime;
 
@@ -76,12 +76,12 @@ impl Model {
     }
 
     /// A reset of the stop numbered `token`.
-    fn reset(&mut self, token: u32, allowed: bool, stop: Option<ModelMoment>) -> Result<(), ResetFault> {
+    fn reset(&mut self, token: u32, allowed: bool, stop: Option<ModelMoment>) -> Result<(), ResetError> {
         match self.state {
             StopState::Held if token == self.change => {}
-            StopState::Held => return Err(ResetFault::StoppedAgain),
-            StopState::Tripping => return Err(ResetFault::StillStopping),
-            _ => return Err(ResetFault::NotStopped),
+            StopState::Held => return Err(ResetError::StoppedAgain),
+            StopState::Tripping => return Err(ResetError::StillStopping),
+            _ => return Err(ResetError::NotStopped),
         }
         if stop == Some(ModelMoment::Allowing) {
             self.stop();
@@ -90,14 +90,14 @@ impl Model {
             return Err(REFUSED);
         }
         if self.attached {
-            return Err(ResetFault::StillStopping);
+            return Err(ResetError::StillStopping);
         }
         self.pauses += 1;
         if stop == Some(ModelMoment::Pausing) {
             self.stop();
         }
         if stop.is_some() {
-            return Err(ResetFault::StoppedAgain);
+            return Err(ResetError::StoppedAgain);
         }
         (self.state, self.on_disk) = (StopState::Released, false);
         self.change += 1;
@@ -106,7 +106,7 @@ impl Model {
 }
 
 const LONG: Duration = Duration::from_secs(60);
-const REFUSED: ResetFault = ResetFault::NotPersisted(StoreFault::Full);
+const REFUSED: ResetError = ResetError::NotPersisted(StoreError::Full);
 
 /// The emergency stop of a plate whose latch is in `folder`.
 fn stop_in(folder: &tempfile::TempDir) -> EmergencyStop {
@@ -135,8 +135,8 @@ proptest! {
                 }
                 ModelStep::TakeToken => match (stop.held(), model.state) {
                     (Ok(held), StopState::Held) => tokens.push((held, model.change)),
-                    (Err(ResetFault::StillStopping), StopState::Tripping) => {}
-                    (Err(ResetFault::NotStopped), StopState::Released) => {}
+                    (Err(ResetError::StillStopping), StopState::Tripping) => {}
+                    (Err(ResetError::NotStopped), StopState::Released) => {}
                     (found, _) => prop_assert!(false, "{found:?} in {model:?}"),
                 },
                 ModelStep::Reset { token, allowed, stop: moment } => {

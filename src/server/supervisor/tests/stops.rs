@@ -23,7 +23,7 @@ fn a_reset_whose_caller_has_gone_by_the_time_it_is_written_leaves_the_plate_stop
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();
     plate.estop();
-    assert_eq!(plate.reset(plate.emergency_stop.held().unwrap(), caller("ann"), || false), Err(ResetFault::NotAwaited));
+    assert_eq!(plate.reset(plate.emergency_stop.held().unwrap(), caller("ann"), || false), Err(ResetError::NotAwaited));
     assert!(stopped(plate));
     assert_eq!(test_plates.acts(), ["reset", "reset refused"]);
 }
@@ -35,7 +35,7 @@ fn unrecorded_reset_is_refused() {
     let plate = plates.get("one").unwrap();
     plate.estop();
     test_plates.store.fail_audit(true);
-    assert!(matches!(reset(plate, "ann"), Err(ResetFault::NotPersisted(_))));
+    assert!(matches!(reset(plate, "ann"), Err(ResetError::NotPersisted(_))));
     assert!(stopped(plate));
     test_plates.store.fail_audit(false);
     assert_eq!(reset(plate, "ann"), Ok(()));

@@ -11,7 +11,7 @@ use crate::cli::signals;
 use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 use upm_server::api::EStopped;
-use upm_server::daemon::{Daemon, EmergencyStops, ExitReport, StartFault, StoreFault, keep_files_private, prepare};
+use upm_server::daemon::{Daemon, EmergencyStops, ExitReport, StartError, StoreError, keep_files_private, prepare};
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
@@ -93,12 +93,12 @@ fn attend_sigusr1(stop: EmergencyStops) {
     });
 }
 
-fn start_failure(fault: StartFault) -> Failure {
+fn start_failure(fault: StartError) -> Failure {
     match &fault {
-        StartFault::Listen(address, error) if error.kind() == ErrorKind::AddrInUse => {
+        StartError::Listen(address, error) if error.kind() == ErrorKind::AddrInUse => {
             Failure::failed(format!("{address} is in use: is another daemon running? --listen takes another one"))
         }
-        StartFault::Store(StoreFault::Other { .. }) => Failure::bad_input(fault),
+        StartError::Store(StoreError::Other { .. }) => Failure::bad_input(fault),
         _ => Failure::failed(fault),
     }
 }

@@ -15,7 +15,7 @@ use upm_core::signal::Frame;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_core::units::INCH_M;
 use upm_perception::vision::{
-    DetectedDisc, Table, TableFault, focal_from_corners, locate_corners, locate_table, survey,
+    DetectedDisc, Table, TableError, focal_from_corners, locate_corners, locate_table, survey,
 };
 
 /// Side of the papers' plate, m: of a plate without a scale.
@@ -94,7 +94,7 @@ pub(super) fn locate_picture(image: &Path, setting: &LocateSetup) -> Result<Loca
 
 /// The plane through the rig's lens, or through one that follows from the plate's corners, of a provisional size where
 /// its scale is not known; and the relative deviation of the focal length.
-fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) -> Result<(Table, f64), TableFault> {
+fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) -> Result<(Table, f64), TableError> {
     let picture_px = [frame.width, frame.height];
     let size_m = if let Scale::Size(size_m) = setting.scale { size_m } else { [PAPERS_SIDE_M; 2] };
     let through = |corners: [Vec2; 4], most_off: [f64; 2], sd_px: f64| {
@@ -104,7 +104,7 @@ fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) ->
             None => {
                 let expected = Lens::centered(picture_px, focal_sides.unwrap_or(FOCAL_SIDES));
                 let known = focal_from_corners(corners, size_m[1] / size_m[0], [expected.focal_px, sd_px], &expected);
-                let (focal_px, share) = known.ok_or(TableFault::NotASquare)?;
+                let (focal_px, share) = known.ok_or(TableError::NotASquare)?;
                 let sd = if focal_sides.is_some() { FILE_SD } else { GUESS_SD };
                 (Lens { focal_px, ..expected }, sd * (1.0 - share))
             }
@@ -123,7 +123,7 @@ fn seen_plane(frame: &Frame, setting: &LocateSetup, focal_sides: Option<f64>) ->
                 let corners = locate_corners(frame, size_m[0] / size_m[1], cells)?;
                 through(corners, FOUND_OFF, FOUND_SD_PX)
             };
-            let mut found = Err(TableFault::NoEdges);
+            let mut found = Err(TableError::NoEdges);
             for cells in CELLS {
                 found = found.or_else(|_| with(cells));
             }
@@ -234,12 +234,12 @@ fn scaled(
 }
 
 /// Fault of the table search, with what a person can do.
-fn about_table(fault: &TableFault, plane: &Plane) -> String {
+fn about_table(fault: &TableError, plane: &Plane) -> String {
     let remedy = match fault {
         _ if matches!(plane, Plane::Corners(_)) => return "--corners: expected a rectangle seen from above".to_owned(),
-        TableFault::Skewed { .. } => "--rectangle WxH gives its sides, --corners its corners",
-        TableFault::MoreThanOne => "crop the picture to one",
-        TableFault::TooSmall { .. } => return fault.to_string(),
+        TableError::Skewed { .. } => "--rectangle WxH gives its sides, --corners its corners",
+        TableError::MoreThanOne => "crop the picture to one",
+        TableError::TooSmall { .. } => return fault.to_string(),
         _ => "--corners gives its corners, --plate whole takes the picture as the plane",
     };
     format!("{fault}; {remedy}")
