@@ -21,7 +21,7 @@ use upm_core::job::{Evidence, Finding, Outcome};
 use upm_core::time::PlateTime;
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 use upm_planning::cor_library::Library;
-use upm_planning::planner::Plan;
+use upm_planning::planner::{Plan, PlanningMethod};
 use upm_planning::task::{LateLap, Setpoints, Task};
 
 /// Factor for the wanted steps while coils or accelerometers are in doubt, and the length, m, below which steps are not
@@ -54,20 +54,19 @@ pub struct FinalState {
 
 /// Runs `task` to its end. Motors are at zero when this returns, also after an error.
 pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams) -> FinalState {
+    let limits = params.guards.limits(params.parts.len(), params.method != PlanningMethod::MovingField);
     let open = |io: &mut RunIo<'_>| {
         let planner = match PulsePlanner::new(params, library) {
             Ok(planner) => planner,
             Err(ending) => return Break(ending),
         };
         let mut perception = Perception::open(io, &params.kinds, &params.parts, params.guards)?;
-        if let Some(noise) = &library.camera_noise {
-            perception.delay.noise_px = noise.corner_px;
-        }
+        let noise_px = library.camera_noise.map(|noise| noise.corner_px);
+        perception.delay.for_run(limits.late_limit, noise_px);
         Continue((planner, perception))
     };
     let finish = match open(&mut io) {
         Continue((planner, perception)) => {
-            let limits = params.guards.limits(params.parts.len());
             let mut cycle = ControlCycle {
                 planning: Planning::new(params, library, planner, 0.5 * io.model.plate_side_m),
                 load_mps2: MOST_FRICTION * GRAVITY_MPS2 * params.parts_mass_kg() / io.model.plate_mass_kg,

@@ -13,8 +13,10 @@ pub(super) use freshness::{Freshness, Unusable};
 pub(super) use motion::{MotionFinding, MotionGuard, Sight};
 pub(super) use steps::{PulseOutcome, StepGuard, went};
 
-/// Pulses in 1,000 h: fifteen a second, the segments of a motion without pauses.
-const PULSES_PER_1000_H: f64 = 15.0 * 3.6e6;
+/// Pulses from rest to rest in a second, the most that a shipped rig plays, and segments of a motion without pauses.
+const PULSES_HZ: f64 = 3.0;
+const SEGMENTS_HZ: f64 = 15.0;
+const SECONDS_IN_1000_H: f64 = 3.6e6;
 /// Guards that rest on chance and share the accepted false alarms: motion, late pictures, steps.
 const BY_CHANCE: f64 = 3.0;
 
@@ -55,9 +57,10 @@ impl Guards {
         self.without != Some(finding)
     }
 
-    /// Limits of the guards that rest on chance, for this number of parts, before there is evidence.
-    pub(super) fn limits(&self, parts: usize) -> Evidence {
-        let nats = libm::log(PULSES_PER_1000_H * BY_CHANCE / self.false_alarms_per_1000_h);
+    /// Limits of the guards that rest on chance, for this number of parts and kind of motion, before there is evidence.
+    pub(super) fn limits(&self, parts: usize, has_pauses: bool) -> Evidence {
+        let pulses = SECONDS_IN_1000_H * if has_pauses { PULSES_HZ } else { SEGMENTS_HZ };
+        let nats = libm::log(pulses * BY_CHANCE / self.false_alarms_per_1000_h);
         let steps = (nats + libm::log(parts.max(1) as f64)) / -libm::log(MISSED);
         let [motion_limit, late_limit] = [MOTION, LATE].map(|(once, per_nat)| once + per_nat * nats);
         let steps_limit = (steps.ceil() as u32).max(LEAST_IN_A_ROW);
@@ -71,13 +74,15 @@ mod tests {
 
     #[test]
     fn more_false_alarms_give_lower_limits() {
-        let limits = |rate| Guards { false_alarms_per_1000_h: rate, without: None }.limits(8);
+        let limits = |rate| Guards { false_alarms_per_1000_h: rate, without: None }.limits(8, true);
         let [often, once, hardly] = [1000.0, 1.0, 0.001].map(limits);
         assert!(
             often.motion_limit < once.motion_limit && once.motion_limit < hardly.motion_limit,
             "{often:?} {once:?} {hardly:?}"
         );
         assert!((once.late_limit - often.late_limit - LATE.1 * 1000f64.ln()).abs() < 1e-9, "{often:?} {once:?}");
+        let moving = Guards::default().limits(8, false);
+        assert!((moving.late_limit - once.late_limit - LATE.1 * 5f64.ln()).abs() < 1e-9, "{moving:?} {once:?}");
         let steps = [1e7, 1.0, 1e-10].map(|rate| limits(rate).steps_limit);
         assert!(steps[0] == LEAST_IN_A_ROW && steps.is_sorted() && steps[2] > LEAST_IN_A_ROW, "{steps:?}");
     }

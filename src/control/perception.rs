@@ -114,7 +114,7 @@ impl Perception {
             observed_at: PlateTime::default(),
             relocated: false,
             expected_m,
-            delay: DelayGuard::new(model.frame_hz, guards.limits(parts.len()).late_limit),
+            delay: DelayGuard::new(model.frame_hz, f64::INFINITY),
             findings: Findings::default(),
         })
     }

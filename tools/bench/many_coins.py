@@ -324,19 +324,17 @@ def plot(campaigns, names, most_s):
     width, bottom = 70 + 150 * len(names), 300
     y = lambda s: bottom - 100 * math.log10(s / 0.5)
     text = lambda x, y, words, more="": f'<text x="{x}" y="{y:.1f}" {more}>{words}</text>'
-    rule = lambda x, to, y, stroke, wide: f'<path d="M{x} {y:.1f}H{to}" stroke="{stroke}" stroke-width="{wide}"/>'
+    rule = lambda x, to, y, stroke: f'<path d="M{x} {y:.1f}H{to}" stroke="{stroke}"/>'
     marks = [text(4, 16, "plate time, s")]
     for s in (1, 2, 5, 10, 20, 50, 100):
-        marks += [rule(40, width, y(s), "#ddd", 1), text(34, y(s) + 4, s, 'text-anchor="end"')]
-    colors = "#14685c", "#8a8f98", "#1b5fc1", "#b8702a"
-    for i, (color, (planner, campaign)) in enumerate(zip(colors, campaigns.items())):
+        marks += [rule(40, width, y(s), "#ddd"), text(34, y(s) + 4, s, 'text-anchor="end"')]
+    for i, (color, (planner, campaign)) in enumerate(zip(("#14685c", "#8a8f98", "#1b5fc1", "#b8702a"), campaigns.items())):
         marks.append(text(40, bottom + 40 + 16 * i, f"● {PLANNERS[planner]}", f'fill="{color}"'))
-        for x, name in zip(range(64, width, 150), names):
-            middle, median = x + 30 * i, median_s(campaign[name], most_s)
-            done_s = [report["plate_time_s"] for report in completed(campaign[name], most_s)]
-            marks += [f'<circle cx="{middle}" cy="{y(s):.1f}" r="2.5" fill="{color}" fill-opacity="0.5"/>' for s in done_s]
-            marks += [rule(middle - 10, middle + 10, y(median), color, 2.5)] if median else []
-    marks += [text(x + 15, bottom + 18, name) for x, name in zip(range(64, width, 150), names)]
+        for x, name in zip(range(64 + 30 * i, width, 150), names):
+            median, done = median_s(campaign[name], most_s), completed(campaign[name], most_s)
+            marks += [f'<circle cx="{x}" cy="{y(run["plate_time_s"]):.1f}" r="2.5" fill="{color}" fill-opacity="0.5"/>' for run in done]
+            marks += [rule(x - 10, x + 10, y(median), color)] if median else []
+    marks += [text(79 + 150 * i, bottom + 18, name) for i, name in enumerate(names)]
     frame = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {bottom + 120}" style="font: 12px sans-serif">'
     return "\n".join([frame, '<rect width="100%" height="100%" fill="#fff"/>', *marks, "</svg>\n"])
 

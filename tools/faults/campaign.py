@@ -17,8 +17,8 @@ from . import detection, drawn, jobs, oracle, vocabulary
 from .shrink import shrunk
 
 VERIFY_EVERY, NEXT_JOB_EVERY, TELL_EVERY_S = 100, 5, 5.0
-# as in control/guards.rs
-PULSES_PER_1000_H = 15 * 3.6e6
+# as in control/guards.rs, with pauses and without
+PULSES_HZ, SEGMENTS_HZ = 3.0, 15.0
 
 
 @dataclass(frozen=True)
@@ -191,15 +191,13 @@ def report(verdicts, wall_s, runner, options):
     print(f"\n{len(verdicts)} runs in {wall_s:.0f} s, {sum(v.wall_s for v in verdicts) / max(len(verdicts), 1):.2f} s a run and core")
     print_violations(bad, runner, options)
     if hidden:
-        print(f"\n{len(hidden)} false successes that no picture shows (equal parts exchanged between frames), counted apart: ", end="")
-        print(", ".join(f"seed {verdict.case.seed}" for verdict in hidden))
+        seeds = ", ".join(f"seed {verdict.case.seed}" for verdict in hidden)
+        print(f"\n{len(hidden)} false successes that no picture shows (equal parts exchanged between frames), counted apart: {seeds}")
     print_by_kind(verdicts)
     print_needless(verdicts)
-    print_unexplained(verdicts)
     refused = print_refused(verdicts)
     count = len(verdicts) - refused
-    bound = upper_bound(len(bad), count)
-    print(f"\n{len(bad)} of {count} runs violate a rule; rate at most {bound:.1e} (95 %). O7 needs a daemon: `faults.py daemon`.")
+    print(f"\n{len(bad)} of {count} runs violate a rule; rate at most {upper_bound(len(bad), count):.1e} (95 %). O7 needs a daemon: `faults.py daemon`.")
     return not bad and not refused
 
 
@@ -212,7 +210,7 @@ def report_healthy(verdicts, wall_s):
         told = collections.Counter(code for v in of for code in v.guards)
         rows.append([*kind, len(of), sum(v.outcome == "completed" for v in of), in_words(told), in_words(ends)])
     print("\n".join(table(["job", "planner", "runs", "completed", "findings", "other ends"], rows)))
-    print_tails([v.evidence for v in verdicts if v.evidence])
+    print_tails(verdicts)
     bad = [v for v in verdicts if v.guards or v.violations or v.outcome != "completed"]
     for v in bad:
         print(f"  seed {v.case.seed}  {v.case.made.template}, {v.case.made.parts} parts, {v.case.made.planner}: {v.told}")
@@ -220,26 +218,27 @@ def report_healthy(verdicts, wall_s):
     return not bad
 
 
-def print_tails(evidence):
+def print_tails(verdicts):
     """Tails of the evidence of healthy runs, exponential in their largest tenth, and the false alarms that follow from them.
 
     A value `once + per_nat n` is exceeded in one pulse of `e^n`: the figures of `control/guards.rs`.
     """
-    pulses, rows = sum(run["pulses"] for run in evidence), []
-    for kind in ("motion", "late"):
-        peaks = sorted(run[kind] for run in evidence)
-        above = peaks[int(0.9 * len(peaks)) :]
-        per_nat = sum(above) / len(above) - above[0] if above else 0.0
-        if per_nat <= 0.0:
-            continue
-        once = above[0] - per_nat * math.log(pulses / len(above))
-        limit = min(run[f"{kind}_limit"] for run in evidence)
-        alarms = PULSES_PER_1000_H * math.exp((once - limit) / per_nat)
-        rows.append([kind, f"{once:.3f}", f"{per_nat:.4f}", f"{peaks[-1]:.2f}", f"{limit:.2f}", f"{alarms:.1e}"])
-    print("\n" + "\n".join(table(["evidence", "once", "per nat", "most", "limit", "alarms in 1,000 h"], rows)))
-    steps, missed = (sum(run[key] for run in evidence) for key in ("steps", "steps_missed"))
-    hours = pulses / PULSES_PER_1000_H * 1000
-    print(f"{pulses} pulses ({hours:.1f} h of fifteen a second), {steps} steps of parts, {missed} of them missed")
+    rows = []
+    for name, hz in (("with pauses", PULSES_HZ), ("without", SEGMENTS_HZ)):
+        runs = [v.evidence for v in verdicts if v.evidence and (v.case.made.planner == "moving_field") == (name == "without")]
+        for kind in ("motion", "late"):
+            peaks, pulses = sorted(run[kind] for run in runs), sum(run["pulses"] for run in runs)
+            above = peaks[int(0.9 * len(peaks)) :]
+            per_nat = sum(above) / len(above) - above[0] if above else 0.0
+            if per_nat <= 0.0:
+                continue
+            once, limit = above[0] - per_nat * math.log(pulses / len(above)), min(run[f"{kind}_limit"] for run in runs)
+            alarms = hz * 3.6e6 * math.exp((once - limit) / per_nat)
+            figures = [f"{figure:.3f}" for figure in (once, per_nat, peaks[-1], limit)]
+            rows.append([kind, name, len(runs), pulses, *figures, f"{alarms:.1e}"])
+    print("\n" + "\n".join(table(["evidence", "pulses", "runs", "number", "once", "per nat", "most", "limit", "alarms in 1,000 h"], rows)))
+    steps, missed = (sum(v.evidence[key] for v in verdicts if v.evidence) for key in ("steps", "steps_missed"))
+    print(f"{steps} steps of parts, {missed} of them missed")
 
 
 def print_violations(bad, runner, options):
@@ -267,8 +266,7 @@ def print_by_kind(verdicts):
     print("\noutcomes and guards by kind of fault (a run counts for each of its faults)")
     heads = ("completed", "failed", "cancelled", "unreadable")
     rows = [[name, *(outcomes[name][head] or "." for head in heads), in_words(codes[name])] for name in sorted(outcomes)]
-    for line in table(["fault", *heads, "guards"], rows):
-        print(line)
+    print("\n".join(table(["fault", *heads, "guards"], rows)))
 
 
 def in_words(counter):
@@ -276,26 +274,17 @@ def in_words(counter):
 
 
 def print_needless(verdicts):
-    """Stops of runs in which every fault was one that a run has to get over."""
-    mild = [v for v in verdicts if v.begun and v.outcome != "refused" and all(map(vocabulary.harmless, v.case.faults))]
+    """Stops of runs in which every fault was one that a run has to get over, or none began."""
+    mild = [v for v in verdicts if v.outcome != "refused" and (not v.begun or all(map(vocabulary.harmless, v.case.faults)))]
     needless = [verdict for verdict in mild if verdict.outcome != "completed"]
-    print(f"\nharmless faults only: {len(mild)} runs, {len(needless)} needless stops")
+    print(f"\nharmless faults or none: {len(mild)} runs, {len(needless)} needless stops")
     for verdict in needless:
         print(f"  seed {verdict.case.seed}  {verdict.stop or verdict.told}: {vocabulary.as_text(verdict.case.faults)}")
-
-
-def print_unexplained(verdicts):
-    """Runs that did not complete though no fault began in them."""
-    for verdict in verdicts:
-        if not verdict.begun and verdict.outcome not in ("completed", "refused"):
-            print(f"no fault began, and not completed: seed {verdict.case.seed}  {verdict.stop or verdict.told}")
 
 
 def print_refused(verdicts):
     """How many runs were refused: the draw knows what a job may hold, so none should be."""
     said = collections.Counter(re.sub(r"\S*/job\.json: ", "", v.told) for v in verdicts if v.outcome == "refused")
-    if said:
-        print(f"\n{sum(said.values())} runs refused:")
-        for text, count in said.most_common(5):
-            print(f"  {count} x {text}")
+    for text, count in said.most_common(5):
+        print(f"\nrefused: {count} x {text}")
     return sum(said.values())

@@ -20,6 +20,8 @@ const FARTHEST_PX: f64 = 6.0;
 pub(super) const NOISE_PX: f64 = 0.05;
 /// Standard deviation of the swing that calibration predicts, as a share of its root mean square, until a run shows it.
 const MODEL_ERROR: f64 = 0.1;
+/// Pulses over which errors of the model are averaged: a motion and its error last as long, two seconds of segments.
+const ALIKE: f64 = 30.0;
 /// Log-likelihood ratio of one pulse that casts doubt: one in a hundred.
 const DOUBTFUL: f64 = 4.6;
 
@@ -30,7 +32,7 @@ pub struct DelayGuard {
     frame_s: f64,
     limit: f64,
     /// Standard deviation of a corner's displacement by the picture's noise, px.
-    pub noise_px: f64,
+    noise_px: f64,
     /// Most evidence so far for any delay, or for another motion than the drive's.
     pub most: f64,
     /// Displacement of the corners seen and expected in the last frames, px, newest first; frames that never arrived
@@ -43,7 +45,7 @@ pub struct DelayGuard {
     /// For each delay the evidence for it, a log-likelihood ratio that does not fall below zero (CUSUM; Page,
     /// Biometrika 41, 1954). The first two entries, pictures in time, stay zero.
     late: [f64; NEVER + 1],
-    /// Sum over pulses of the share of the swing's squares that the best explanation left, and their number.
+    /// Sum over the last pulses of the share of the swing's squares that the best explanation left, and their number.
     unexplained: (f64, f64),
 }
 
@@ -73,6 +75,11 @@ impl DelayGuard {
     pub fn begin(&mut self, at_s: f64, swing: PlateSwing) {
         self.pulses.truncate(1);
         self.pulses.push_front((at_s, swing));
+    }
+
+    /// Takes the limit of a run, and the noise with which its camera shows corners, px.
+    pub fn for_run(&mut self, limit: f64, noise_px: Option<f64>) {
+        (self.limit, self.noise_px) = (limit, noise_px.unwrap_or(NOISE_PX));
     }
 
     /// A frame exposed at `at_s` of plate time that shows the plate's corners up to `corner_px` from their places;
@@ -127,7 +134,9 @@ impl DelayGuard {
         let (evidence, unexplained) = self.weighed();
         self.late.iter_mut().zip(evidence).for_each(|(sum, evidence)| *sum = (*sum + evidence).max(0.0));
         if let Some(share) = unexplained {
-            self.unexplained = (self.unexplained.0 + share, self.unexplained.1 + 1.0);
+            let (sum, count) = self.unexplained;
+            let kept = (ALIKE - 1.0) / count.max(ALIKE - 1.0);
+            self.unexplained = (kept * sum + share, kept * count + 1.0);
         }
         let most = self.late.iter().copied().fold(0.0, f64::max);
         self.most = self.most.max(most);
