@@ -84,7 +84,7 @@ def sort(rng, rig, count):
 
 def paths(rng, rig, count):
     circle = {"circle": {"radius_mm": round(rng.uniform(0.5, 1.0) * half_side_mm(rig), 1)}, "count": min(count, 6)}
-    paths = [{**circle, "speed_mm_s": rng.choice((4, 8, 12))}]
+    paths = [{**circle, "speed_mm_s": rng.choice((6, 9, 12))}]
     return mixed(rng, 1)[:1] * circle["count"], {"type": "trajectories", "in_phase": True, "paths": paths}
 
 
