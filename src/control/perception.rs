@@ -239,6 +239,7 @@ impl Perception {
         if rig.settled_at() > rig.now() && !self.motors_stopped {
             rig.stop();
             self.motors_stopped = true;
+            self.expect_less();
             self.swing_out = SwingOut::after_stop_at(rig.now());
         }
     }

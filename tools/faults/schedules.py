@@ -7,7 +7,6 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 
 from common import table
-
 from . import detection, jobs, oracle
 from .vocabulary import Fault, harmless
 
@@ -76,8 +75,9 @@ GOES_ON = ("hand 1 s", "hand over a half, 2 s")
 
 
 def made_for(template, seed):
-    """The job of a template and seed."""
-    return jobs.make(random.Random(seed), template, "upm-1" if template == "endless" and seed % 2 else "upm-2", seed=seed)
+    """The job of a template and seed. The bars count pulses from rest to rest, of fields where the rig has them."""
+    rig, planner = ("upm-1", "cor_sequence") if template == "endless" and seed % 2 else ("upm-2", "synthesized_field")
+    return jobs.make(random.Random(seed), template, rig, planner, seed)
 
 
 def chosen(names, only):

@@ -34,6 +34,14 @@ impl Perception {
         self.expected_m = places_m.iter().zip(forecast_m).map(|(from, to)| (*to, reach_m(from, to))).collect();
     }
 
+    /// The present pulse was cut short: the parts are next seen at rest anywhere on their way.
+    pub(super) fn expect_less(&mut self) {
+        let places_m = self.positions_m();
+        for ((expected_m, reach_m), place_m) in self.expected_m.iter_mut().zip(places_m) {
+            *reach_m += (*expected_m - place_m).norm();
+        }
+    }
+
     /// True once a frame has differed from the first.
     pub fn has_changed(&self) -> bool {
         self.scene.freshness.changed
