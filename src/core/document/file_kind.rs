@@ -37,7 +37,7 @@ impl Document {
 
     fn is_of(self, value: &Value) -> bool {
         let has = |key| value.get(key).is_some();
-        // the tasks of a job may be a list, and a rig may extend another in place of its own motors
+        // a job may have a list of tasks, and a rig may extend another one that has the motors
         has(self.key()) || self == Self::Job && has("tasks") || self == Self::Rig && has("extends")
     }
 

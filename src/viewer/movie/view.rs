@@ -3,7 +3,7 @@ use upm_core::signal::Frame;
 use upm_perception::vision::Table;
 use upm_recording::outline_px;
 
-/// Longer side of a movie, px, as nearly as a whole number of the frames' pixels in each of its own permits.
+/// Longer side of a movie, px. The nearest whole number of frame pixels in a movie pixel gives the actual one.
 const SIDE_PX: f64 = 400.0;
 
 /// Margin round the plate, as a share of its longer side in the picture.
