@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """The fault campaign: runs with faults that begin inside them, judged by what truly happened.
 
-usage: faults.py campaign  [--seeds 200] [--first 0] [--hours H] [--half safety|liveness|both] [--keep DIR] [--no-shrink]
-       faults.py healthy   [--seeds 200] [--first 0] [--hours H] [--keep DIR]
-       faults.py schedules [--jobs-per 3] [--seeds 2] [--only WORD ...]
+usage: faults.py campaign  [--seeds 200] [--first 0] [--half safety|liveness|both] [--keep DIR] [--no-shrink]
+       faults.py healthy   [--seeds 200] [--first 0] [--keep DIR]
+       faults.py schedules [--jobs-per 3] [--seeds 2] [--planner moving_field] [--only WORD ...]
        faults.py daemon    [--jobs-per 3] [--seeds 1] [--only WORD ...] [--no-estops]
        faults.py shrink SEED [--half H] [--keep DIR]
        faults.py judge RUN_FOLDER ...
@@ -53,7 +53,7 @@ def run_healthy(args):
 
 
 def run_schedules(args):
-    return schedules.run_all(Runner(args.upm), args.jobs_per, args.seeds, args.jobs, args.only)
+    return schedules.run_all(Runner(args.upm), args.jobs_per, args.seeds, args.jobs, args.only, args.planner)
 
 
 def run_daemon(args):
@@ -113,7 +113,7 @@ def arguments():
     running.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     running.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at once")
     drawing = argparse.ArgumentParser(add_help=False)
-    drawing.set_defaults(hours=None, no_shrink=False, sound=None, half="both")
+    drawing.set_defaults(no_shrink=False, sound=None, half="both")
     drawing.add_argument("--first", type=int, default=0, help="the first seed")
     drawing.add_argument("--keep", type=pathlib.Path, help="where folders of failing runs and shrunk jobs are kept")
 
@@ -126,15 +126,14 @@ def arguments():
     halves.add_argument("--half", choices=("safety", "liveness", "both"), help="faults that stay, that end, either")
     command = add("campaign", run_campaign, running, drawing, halves)
     command.add_argument("--seeds", type=int, default=200)
-    command.add_argument("--hours", type=float, help="as many seeds as go into so many hours")
     command.add_argument("--no-shrink", action="store_true")
-    command = add("healthy", run_healthy, running, drawing)
-    command.add_argument("--seeds", type=int, default=200)
-    command.add_argument("--hours", type=float, help="as many seeds as go into so many hours")
+    add("healthy", run_healthy, running, drawing).add_argument("--seeds", type=int, default=200)
     named = argparse.ArgumentParser(add_help=False)
     named.add_argument("--jobs-per", type=int, default=3, choices=range(1, len(schedules.JOBS) + 1))
     named.add_argument("--only", nargs="+", metavar="WORD", help="schedules with one of these in their names")
-    add("schedules", run_schedules, running, named).add_argument("--seeds", type=int, default=2)
+    command = add("schedules", run_schedules, running, named)
+    command.add_argument("--seeds", type=int, default=2)
+    command.add_argument("--planner", default="synthesized_field", help="of the jobs on upm-2, the endless ones aside")
     command = add("daemon", run_daemon, running, named)
     command.add_argument("--seeds", type=int, default=1)
     command.add_argument("--no-estops", action="store_true", help="no emergency stops")

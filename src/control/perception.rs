@@ -22,7 +22,7 @@ use upm_core::job::Finding;
 use upm_core::rig::{PartKind, Rig, RigModel};
 use upm_core::signal::Frame;
 use upm_core::time::PlateTime;
-use upm_perception::vision::{CoinFinder, Table, Track, Tracker};
+use upm_perception::vision::{CoinFinder, Table, TableMotion, Track, Tracker};
 
 pub use self::naming::ExpectedPart;
 
@@ -36,8 +36,6 @@ const BLIND_S: f64 = 0.1;
 const FOREIGN: u32 = 2;
 /// Distance beyond the edge from which on a part's centre is off the plate, m: more than the plate's swing.
 const EDGE_M: f64 = 1e-3;
-/// Displacement above which a plate is seen to swing on after a pulse that was cut short, px.
-const SWINGS_PX: f64 = 0.4;
 
 /// Tolerance for a part's place, m, independent of its displacement.
 const REACH_M: f64 = 3e-3;
@@ -51,6 +49,8 @@ pub enum FramePurpose {
     Cycle,
     /// To start a cycle that does not wait for rest.
     Segment,
+    /// To watch a plate that moves without pauses.
+    Moving,
 }
 
 /// Turns the camera's frames into part positions: locates the table once, tracks every part in every frame, and checks
@@ -126,14 +126,13 @@ impl Perception {
     /// The ending of a run whose view stays lost.
     pub fn observe(&mut self, io: &mut RunIo<'_>, purpose: FramePurpose) -> OrEnd<bool> {
         flow(io.rig.capture(&mut self.frame))?;
-        let swing_px = self.scene.swing_px(&self.frame);
-        if swing_px.is_some_and(|px| px > SWINGS_PX) {
-            self.swing_out.swings_at(self.frame.exposed_at);
-        }
+        let motion = self.scene.table_motion(&self.frame);
+        let swing_px = self.swing_px(motion);
+        self.swing_out.observe(self.frame.exposed_at, motion.swing_px());
         let at_rest =
             self.frame.exposed_at - io.rig.settled_at().max(self.swing_out.from) >= 0.5 * self.model.exposure_s;
         let start = io.clock.elapsed();
-        let stale = self.stale(io.rig.now(), swing_px);
+        let stale = self.stale(io.rig.now(), motion.corner_px());
         if stale.is_some() {
             self.tracker.miss();
         } else {
@@ -142,11 +141,15 @@ impl Perception {
         let (blind, place) = match stale {
             Some(blind) => (Some(blind), PlateInImage::Unknown),
             None if at_rest => self.examine(),
-            None => (self.covered(), PlateInImage::Unknown),
+            None => {
+                let watches_plate = matches!(purpose, FramePurpose::Segment | FramePurpose::Moving);
+                (self.covered(swing_px.filter(|_| watches_plate)), PlateInImage::Unknown)
+            }
         };
         let is_blind = blind.is_some();
         let swing_px = swing_px.filter(|_| !is_blind);
-        self.delay.frame(self.frame.exposed_at.secs(), swing_px);
+        let is_astray = !is_blind && swing_px.is_none() && motion == TableMotion::Displaced;
+        self.delay.frame(self.frame.exposed_at.secs(), swing_px, is_astray);
         let track_us = (io.clock.elapsed() - start).as_secs_f64() * 1e6;
         let is_plain = at_rest && !is_blind && matches!(place, PlateInImage::Same) && self.foreign == 0;
         io.sink.frame(&FrameFacts {
@@ -187,12 +190,21 @@ impl Perception {
         let is_taken = |at_m: &Vec2| self.positions_m().iter().any(|part_m| (part_m - at_m).norm() < REACH_M);
         self.scene.foreign_m = self.scene.foreign_m.or(before_m.filter(is_taken));
         let blind = blind.filter(|(finding, _)| self.guards.has(*finding));
+        self.count_foreign(blind.is_none());
+        let place = if self.guards.has(Finding::CameraMoved) { place } else { PlateInImage::Same };
+        (blind, place)
+    }
+
+    fn count_foreign(&mut self, is_clear: bool) {
         // while a part is missing, an object on the plate may be that part
         let is_foreign =
             self.scene.foreign_m.is_some() && self.frames_missing() == 0 && self.guards.has(Finding::ForeignPart);
-        self.foreign = if is_foreign && blind.is_none() { self.foreign + 1 } else { 0 };
-        let place = if self.guards.has(Finding::CameraMoved) { place } else { PlateInImage::Same };
-        (blind, place)
+        self.foreign = if is_foreign && is_clear { self.foreign + 1 } else { 0 };
+    }
+
+    /// True while frames show an object on the moving plate that is no part: a look at rest decides.
+    pub(crate) fn suspects_foreign(&self) -> bool {
+        self.foreign >= FOREIGN
     }
 
     /// Waits with motors at zero while nothing can be seen, up to the limit of the cause.
@@ -239,6 +251,8 @@ impl Perception {
         if rig.settled_at() > rig.now() && !self.motors_stopped {
             rig.stop();
             self.motors_stopped = true;
+            self.delay.cut();
+            self.foreign = 0;
             self.expect_less();
             self.swing_out = SwingOut::after_stop_at(rig.now());
         }
@@ -286,7 +300,7 @@ impl Perception {
 
     /// Largest displacement of the plate's corners in the newest frame, px; `None` where it does not show them.
     pub(crate) fn corner_px(&self) -> Option<f64> {
-        self.scene.swing_px(&self.frame)
+        self.scene.table_motion(&self.frame).corner_px()
     }
 
     /// Time of the newest frame's exposure.

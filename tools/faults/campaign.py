@@ -121,7 +121,8 @@ class Campaign:
         """All cases, told as they come; the folders of violations are kept when there is a place for them."""
         begin = told = time.monotonic()
         with tempfile.TemporaryDirectory(prefix="upm-faults-") as scratch, ThreadPoolExecutor(self.options.jobs) as pool:
-            pending, seeds = set(), iter(self.seeds(begin))
+            first = self.options.first
+            pending, seeds = set(), iter(range(first, first + self.options.seeds))
             while True:
                 while len(pending) < 2 * self.options.jobs and not self.is_over():
                     seed = next(seeds, None)
@@ -152,12 +153,6 @@ class Campaign:
 
     def is_over(self):
         return self.options.sound is not None and any(seen(verdict) for verdict in self.verdicts)
-
-    def seeds(self, begin):
-        seed = self.options.first
-        while (time.monotonic() - begin < 3600 * self.options.hours) if self.options.hours else seed < self.options.first + self.options.seeds:
-            yield seed
-            seed += 1
 
     def one(self, seed, folder):
         case = self.draw(seed, self.options.half)

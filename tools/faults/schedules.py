@@ -70,13 +70,15 @@ SCHEDULES = {
     "part 0 taken off": "part0:removed@1",
     "plate bumped": "plate:bumped=3;-2@0.5",
 }
+FIELDS = "synthesized_field"
 # nothing to notice, and the run goes on: a hand that is gone after two seconds
 GOES_ON = ("hand 1 s", "hand over a half, 2 s")
 
 
-def made_for(template, seed):
-    """The job of a template and seed. The bars count pulses from rest to rest, of fields where the rig has them."""
-    rig, planner = ("upm-1", "cor_sequence") if template == "endless" and seed % 2 else ("upm-2", "synthesized_field")
+def made_for(template, seed, planner=FIELDS):
+    """The job of a template and seed."""
+    rig = "upm-1" if template == "endless" and seed % 2 else "upm-2"
+    planner = {"upm-1": "cor_sequence", "upm-2": FIELDS if template == "endless" else planner}[rig]
     return jobs.make(random.Random(seed), template, rig, planner, seed)
 
 
@@ -85,11 +87,11 @@ def chosen(names, only):
     return [name for name in names if not only or any(word in name for word in only)]
 
 
-def rows_of(runner, name, template, seeds, scratch):
+def rows_of(runner, name, template, seeds, scratch, planner):
     """A row a run, and what was missed in it."""
     faults = [Fault.parse(text) for text in SCHEDULES[name].split(",")]
     for seed in seeds:
-        made = made_for(template, seed)
+        made = made_for(template, seed, planner)
         folder = pathlib.Path(scratch) / f"{name} {template} {seed}".replace(" ", "-").replace("/", "-")
         run_folder, process = runner.run(made.job, faults, folder)
         if run_folder is None:
@@ -129,13 +131,13 @@ def worst_error(run):
     return f"{math.dist(cycle['observed_mm'][0], run.truth_at(cycle['observed_at_s'])[0][:2]):.2f}"
 
 
-def run_all(runner, jobs_per, seeds, at_once, only=None):
+def run_all(runner, jobs_per, seeds, at_once, only, planner):
     """Runs all schedules and prints a row a run; true when no run is a false success and no bar is missed."""
     head = ["schedule", "job", "seed", "outcome", "true mm", "noticed (against its bar)", "guards", "violations"]
     rows, bad = [], []
     with tempfile.TemporaryDirectory(prefix="upm-schedules-") as scratch, ThreadPoolExecutor(at_once) as pool:
         wanted = [(name, template) for name in chosen(SCHEDULES, only) for template in JOBS[:jobs_per]]
-        pending = [pool.submit(lambda w: list(rows_of(runner, *w, range(1, seeds + 1), scratch)), w) for w in wanted]
+        pending = [pool.submit(lambda w: list(rows_of(runner, *w, range(1, seeds + 1), scratch, planner)), w) for w in wanted]
         for done, future in enumerate(pending, 1):
             for row, missed in future.result():
                 rows.append(row)

@@ -35,6 +35,8 @@ const UNSEEN_FRAMES: u32 = 6;
 /// not, m: healthy runs have a twentieth of it, pictures late by a frame or two less than it. Smaller knocks are found
 /// at rest.
 const KNOCKED_M: f64 = 2e-3;
+/// Number of such frames in a row: within them the plate's place tells most knocks.
+const KNOCKED_FRAMES: u32 = 6;
 
 /// A segment with its drive and what it was planned for.
 struct PlannedSegment {
@@ -262,9 +264,9 @@ impl ControlCycle<'_, '_> {
             return self.follow(FramePurpose::Cycle);
         };
         let is_shown = self.index.is_multiple_of(SHOWN_EVERY);
-        let mut purpose = if is_shown { FramePurpose::Segment } else { FramePurpose::Pulse };
+        let mut purpose = if is_shown { FramePurpose::Segment } else { FramePurpose::Moving };
         while self.io.rig.now() < until && !self.perception.motors_stopped {
-            self.perception.observe(self.io, std::mem::replace(&mut purpose, FramePurpose::Pulse))?;
+            self.perception.observe(self.io, std::mem::replace(&mut purpose, FramePurpose::Moving))?;
             self.check_stop()?;
             self.check_lost()?;
             if 2 * self.perception.frames_missing_in_clear_view() > self.params.lost_after_frames {
@@ -272,13 +274,23 @@ impl ControlCycle<'_, '_> {
             }
             let (at_s, seen_m) = (self.perception.seen_at().secs_since(started_at), self.perception.seen_m());
             let off_m = self.moving().map_or(0.0, |planner| planner.observe(at_s, &seen_m));
-            let may_be_knocked = !self.suspects_knock && !self.perception.delay.looks_late();
-            if off_m > KNOCKED_M && may_be_knocked && self.params.guards.has(Finding::CameraMoved) {
-                self.suspects_knock = true;
+            if self.may_be_knocked(off_m) || self.perception.suspects_foreign() {
                 self.perception.stop_motors(self.io.rig);
             }
         }
         Continue(())
+    }
+
+    /// True where the last frames show, for the first time, that camera or plate may have been knocked: by the plate's
+    /// place, or by half of the parts, which are `off_m` from their forecast. A look at rest decides.
+    fn may_be_knocked(&mut self, off_m: f64) -> bool {
+        if self.suspects_knock || !self.params.guards.has(Finding::CameraMoved) {
+            return false;
+        }
+        let are_off = off_m > KNOCKED_M && !self.perception.delay.looks_late();
+        self.frames_off = if are_off { self.frames_off + 1 } else { 0 };
+        self.suspects_knock = self.perception.sees_knock(self.io.sink) || self.frames_off >= KNOCKED_FRAMES;
+        self.suspects_knock
     }
 
     /// Compares a segment with its plan: the plate's motion, the pictures' timing, the parts' steps.
@@ -291,7 +303,13 @@ impl ControlCycle<'_, '_> {
         self.check_picture_delay(is_as_planned)?;
         // in late pictures parts lag behind as if they stuck
         let positions = facts.positions.as_ref().filter(|_| !self.perception.delay.is_doubted());
-        let stuck = positions.and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
+        let reached_s = self.moving().map_or(0.0, |planner| planner.reached_s());
+        let swayed_m = |place_m: &Vec2| {
+            let at_m = |s: f64| self.perception.delay.sway_m(facts.started_at.secs() + s, *place_m);
+            at_m(reached_s) - at_m(0.0)
+        };
+        let swayed_m: Vec<Vec2> = positions.iter().flat_map(|p| p.before_m.iter().map(swayed_m)).collect();
+        let stuck = positions.and_then(|positions| self.steps.check(positions, &swayed_m, self.limits.steps_limit));
         self.report_step(stuck)
     }
 

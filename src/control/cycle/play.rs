@@ -90,7 +90,7 @@ impl ControlCycle<'_, '_> {
         let went = positions.as_ref().and_then(went);
         let is_as_planned = self.check_motion(drive, coils, fit, went)?;
         self.check_picture_delay(is_as_planned)?;
-        let stuck = positions.as_ref().and_then(|positions| self.steps.check(positions, self.limits.steps_limit));
+        let stuck = positions.as_ref().and_then(|positions| self.steps.check(positions, &[], self.limits.steps_limit));
         self.report_step(stuck)
     }
 

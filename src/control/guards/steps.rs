@@ -21,13 +21,15 @@ pub struct StepGuard {
 }
 
 impl StepGuard {
-    /// Takes the steps of one pulse. Returns the first part that has hardly moved in `limit` of its steps in a row.
-    pub fn check(&mut self, seen: &PulsePositions, limit: u32) -> Option<usize> {
+    /// Takes the steps of one pulse, at whose end the plate is `swayed_m` from where it was, under each part: one that
+    /// sticks to it goes with it. Returns the first part that has hardly moved in `limit` of its steps in a row.
+    pub fn check(&mut self, seen: &PulsePositions, swayed_m: &[Vec2], limit: u32) -> Option<usize> {
         let parts = seen.before_m.len();
         self.missed.resize(parts, 0);
         let shortest_m = if parts > SERVED as usize { SHORTEST_OF_MANY_M } else { SHORTEST_M };
         for (part, wanted, went) in steps(seen, shortest_m) {
-            let is_missed = went.norm() < SLIGHT * wanted.norm();
+            let on_plate = went - swayed_m.get(part).copied().unwrap_or_default();
+            let is_missed = went.norm().min(on_plate.norm()) < SLIGHT * wanted.norm();
             self.missed[part] = if is_missed { self.missed[part] + 1 } else { 0 };
             self.compared = [self.compared[0] + 1, self.compared[1] + u64::from(is_missed)];
         }
@@ -86,7 +88,7 @@ mod tests {
     fn found(shares: &[f64]) -> Vec<Option<usize>> {
         let mut guard = StepGuard::default();
         let step = Vec2::new(4e-3, 0.0);
-        shares.iter().map(|&share| guard.check(&positions(step, vec![step, step * share]), 4)).collect()
+        shares.iter().map(|&share| guard.check(&positions(step, vec![step, step * share]), &[], 4)).collect()
     }
 
     #[test]
@@ -94,6 +96,10 @@ mod tests {
         assert_eq!(found(&[0.0, 0.1, 0.05, 0.0]), [None, None, None, Some(1)]);
         assert_eq!(found(&[0.0, 0.0, 0.0, 0.5, 0.0, 0.0]), [None; 6], "in a row");
         assert_eq!(found(&[0.5, 1.5, 0.3, -1.0]), [None; 4]);
+        let (mut guard, step) = (StepGuard::default(), Vec2::new(4e-3, 0.0));
+        let sways = [3e-3, -2e-3].map(|sway_m| Vec2::new(0.0, sway_m));
+        let glued = sways.map(|sway| guard.check(&positions(step, vec![sway]), &[sway], 2));
+        assert_eq!(glued, [None, Some(0)], "it goes with the plate");
     }
 
     #[test]

@@ -2,13 +2,16 @@
 
 use std::ops::ControlFlow::{Break, Continue};
 
+use nalgebra::Vector3;
+
 use super::{Perception, REACH_M};
 use crate::Sink;
-use crate::guards::{PlateSwing, Unusable};
+use crate::guards::{PlateSwing, Unusable, corner_px};
 use crate::run_end::OrEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
 use upm_core::time::PlateTime;
+use upm_perception::vision::TableMotion;
 
 /// Additional tolerance for a part's place after a pulse, as a share of its forecast displacement.
 const REACH_OF_WAY: f64 = 0.7;
@@ -47,19 +50,31 @@ impl Perception {
         self.scene.freshness.changed
     }
 
-    /// Reason for which the newest frame, which arrived at `now` and shows the plate `swing_px` from its place, is not
-    /// of the present; `None` for a frame of the present.
-    pub(super) fn stale(&mut self, now: PlateTime, swing_px: Option<f64>) -> Option<Unusable> {
-        let expected_px = self.delay.expected_px(self.frame.exposed_at.secs());
-        let stale = self.scene.freshness.check(&self.frame, now, (swing_px, expected_px));
+    /// Reason for which the newest frame, which arrived at `now` and shows the corners `seen_px` from their places, is
+    /// not of the present; `None` for a frame of the present.
+    pub(super) fn stale(&mut self, now: PlateTime, seen_px: Option<f64>) -> Option<Unusable> {
+        let expected_px = corner_px(self.delay.expected_px(self.frame.exposed_at.secs()));
+        let stale = self.scene.freshness.check(&self.frame, now, (seen_px, expected_px));
         stale.filter(|(finding, _)| self.guards.has(*finding))
     }
 
-    /// Obstruction of the view in a frame that lacks a part while the plate may move.
-    pub(super) fn covered(&mut self) -> Option<Unusable> {
-        let covered =
-            if self.frames_missing() > 0 { self.scene.covered(&self.frame, self.tracker.tracks()) } else { None };
-        covered.filter(|(finding, _)| self.guards.has(*finding))
+    /// The plate's swing in the newest frame, px, which shows this motion from where the table was located: near there,
+    /// or where it may be.
+    pub(super) fn swing_px(&self, motion: TableMotion) -> Option<Vector3<f64>> {
+        let possible_px = || self.delay.possible_px(self.frame.exposed_at.secs());
+        motion.swing_px().or_else(|| self.scene.swing_near(&self.frame, &possible_px()))
+    }
+
+    /// Obstruction of the view while the plate moves and has swung by `swing_px`, or, where that is not known, in a
+    /// frame that lacks a part.
+    pub(super) fn covered(&mut self, swing_px: Option<Vector3<f64>>) -> Option<Unusable> {
+        if swing_px.is_none() && self.frames_missing() == 0 {
+            return None;
+        }
+        let covered = self.scene.covered(&self.frame, self.tracker.tracks(), swing_px);
+        let covered = covered.filter(|(finding, _)| self.guards.has(*finding));
+        self.count_foreign(covered.is_none());
+        covered
     }
 
     /// Ends the run when most parts are farther away than the last pulse carries them: the picture is another one.

@@ -64,6 +64,20 @@ impl Perception {
         Ok(Relocated { table, found, localise_us })
     }
 
+    /// Reports a plate that moves about another place than the table's; true where there is one.
+    pub(crate) fn sees_knock(&mut self, sink: &mut dyn Sink) -> bool {
+        let Some(corner_px) = self.delay.knocked_px() else { return false };
+        self.note_knock(corner_px, sink);
+        true
+    }
+
+    fn note_knock(&mut self, corner_px: f64, sink: &mut dyn Sink) -> String {
+        let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
+        let reason = format!("the plate has moved in the picture {by}; it is located anew");
+        self.findings.note(self.frame.exposed_at, Finding::CameraMoved, reason, sink);
+        by
+    }
+
     /// Locates table and parts anew once the plate has been seen elsewhere for long enough.
     pub(super) fn settle_place(&mut self, place: &PlateInImage, io: &mut RunIo<'_>) -> OrEnd {
         let corner_px = match *place {
@@ -82,9 +96,7 @@ impl Perception {
         if self.displaced.observations < MOVED {
             return Continue(());
         }
-        let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
-        let reason = format!("the plate has moved in the picture {by}; it is located anew");
-        self.findings.note(self.frame.exposed_at, Finding::CameraMoved, reason, io.sink);
+        let by = self.note_knock(corner_px, io.sink);
         match self.locate(io.clock) {
             Ok(found) => self.relocate(found, true, io.sink),
             Err(fault) if self.displaced.observations > MOVED + TABLE_OBSERVATIONS as u32 => {
@@ -185,7 +197,7 @@ impl Perception {
             self.observe(io, FramePurpose::Pulse)?;
             glide = before_m.iter().zip(self.positions_m()).any(|(before, now)| (now - before).norm() > SAME_PART_M);
             // it no longer swings and was not knocked
-            let is_still = !glide && self.scene.swing_px(&self.frame).is_some_and(|px| px < STILL_PX);
+            let is_still = !glide && self.corner_px().is_some_and(|px| px < STILL_PX);
             still = if is_still { still + 1 } else { 0 };
         }
         Continue(!glide)

@@ -1,6 +1,8 @@
 //! Checks of a frame beyond the parts' positions: whether it is of the present, whether the plate is visible, whether
 //! it is where it was, and whether a foreign object is on it.
 
+use nalgebra::Vector3;
+
 use super::settling::{PlateInImage, Settling};
 use crate::guards::{Freshness, Unusable};
 use upm_core::geometry::Vec2;
@@ -82,19 +84,32 @@ impl SceneMonitor {
         (obstruction(is_dark, is_hidden), place)
     }
 
-    /// Obstruction of the view in a frame in which the plate may move; `None` when the camera was knocked.
-    pub(super) fn covered(&mut self, frame: &Frame, tracks: &[Track]) -> Option<Unusable> {
-        if self.table.check(frame) == TableMotion::Displaced {
+    /// Obstruction of the view in a frame in which the plate has swung by `swing_px` or, where that is not known, may
+    /// move; `None` when the camera was knocked.
+    pub(super) fn covered(
+        &mut self,
+        frame: &Frame,
+        tracks: &[Track],
+        swing_px: Option<Vector3<f64>>,
+    ) -> Option<Unusable> {
+        self.foreign_m = None;
+        if swing_px.is_none() && self.table.check(frame) == TableMotion::Displaced {
             // the camera was knocked: foreign objects are detected once the plate is at rest
             return None;
         }
-        let sight = self.plate.check(frame, tracks);
+        let sight = self.plate.check_swung(frame, tracks, swing_px.unwrap_or_default());
+        self.foreign_m = sight.foreign_m.first().copied().filter(|_| swing_px.is_some());
         obstruction(sight.dark, sight.hidden_share > COVERED)
     }
 
-    /// Largest displacement of the plate's corners since the table was located, px; `None` where it is not visible.
-    pub(super) fn swing_px(&self, frame: &Frame) -> Option<f64> {
-        self.table.check(frame).corner_px()
+    /// Motion of the plate in the picture since the table was located.
+    pub(super) fn table_motion(&self, frame: &Frame) -> TableMotion {
+        self.table.check(frame)
+    }
+
+    /// Swing of a plate that is near one of `swings_px`, px.
+    pub(super) fn swing_near(&self, frame: &Frame, swings_px: &[Vector3<f64>]) -> Option<Vector3<f64>> {
+        self.table.swing_near(frame, swings_px)
     }
 
     /// Takes over the table that was located anew in `frame`, on a plate that may swing.

@@ -1,5 +1,7 @@
 //! Whether a plate that is seen at rest is where it was, and whether it still swings.
 
+use nalgebra::Vector3;
+
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 use upm_perception::vision::TableMotion;
@@ -12,6 +14,9 @@ const SWING_SHIFT_PX: f64 = 0.7;
 /// swung out, s: half of the slowest swing.
 const SWINGS_PX: f64 = 0.1;
 const STILL_S: f64 = 0.12;
+/// The same from one frame to the next for a plate that swings on after a pulse that was cut short: six deviations of a
+/// difference by a camera's noise.
+const SWINGS_ON_PX: f64 = 0.4;
 /// Largest difference between observations that show the same displacement of a corner, px.
 const SAME_PLACE_PX: f64 = 0.3;
 /// Time in which a plate swings out, s, and the longest time that it may swing on after a pulse that was cut short.
@@ -44,17 +49,22 @@ pub(super) struct SwingOut {
     pub(super) from: PlateTime,
     /// Latest such time.
     by: PlateTime,
+    /// Swing in the last frame, px.
+    last_px: Option<Vector3<f64>>,
 }
 
 impl SwingOut {
     /// That of a pulse which was cut short at `now`.
     pub(super) fn after_stop_at(now: PlateTime) -> Self {
-        Self { from: now + SWING_S, by: now + LONGEST_SWING_S }
+        Self { from: now + SWING_S, by: now + LONGEST_SWING_S, last_px: None }
     }
 
-    /// The plate was seen to swing at `at`.
-    pub(super) fn swings_at(&mut self, at: PlateTime) {
-        self.from = self.from.max((at + STILL_S).min(self.by));
+    /// Takes the plate's swing in a frame exposed at `at`: one that was knocked rests elsewhere.
+    pub(super) fn observe(&mut self, at: PlateTime, swing_px: Option<Vector3<f64>>) {
+        let last_px = std::mem::replace(&mut self.last_px, swing_px);
+        if swing_px.zip(last_px).is_some_and(|(now_px, last_px)| (now_px - last_px).norm() > SWINGS_ON_PX) {
+            self.from = self.from.max((at + STILL_S).min(self.by));
+        }
     }
 }
 
@@ -94,10 +104,10 @@ impl Settling {
     /// Takes the plate's motion in a frame at rest that was exposed at `at`.
     pub(super) fn place(&mut self, at: PlateTime, motion: TableMotion) -> PlateInImage {
         let corner_px = match motion {
-            TableMotion::Seen { corner_px, shift_px, .. }
-                if corner_px < SWING_CORNER_PX && shift_px.norm() < SWING_SHIFT_PX =>
+            TableMotion::Seen { corner_px, swing_px }
+                if corner_px < SWING_CORNER_PX && swing_px.xy().norm() < SWING_SHIFT_PX =>
             {
-                return self.near(at, shift_px);
+                return self.near(at, swing_px.xy());
             }
             TableMotion::Seen { corner_px, .. } => corner_px,
             TableMotion::Displaced => f64::INFINITY,
@@ -145,7 +155,7 @@ mod tests {
     /// The corners displaced by a turn, the plate as a whole by a shift, px.
     fn seen(turn_px: f64, shift_px: f64) -> TableMotion {
         let corner_px = turn_px.abs() + shift_px;
-        TableMotion::Seen { shift_px: Vec2::new(shift_px, 0.0), corner_px }
+        TableMotion::Seen { swing_px: Vector3::new(shift_px, 0.0, turn_px), corner_px }
     }
 
     #[test]

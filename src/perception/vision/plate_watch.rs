@@ -1,6 +1,8 @@
 mod blobs;
 mod grid;
 
+use nalgebra::{Rotation2, Vector3};
+
 use self::blobs::{BARE, BORDER, Blob, Blobs, DIFFERS, SEEN, UNSEEN};
 use self::grid::CellGrid;
 use super::binned::BinnedImage;
@@ -8,7 +10,7 @@ use super::outline::PlateCells;
 use super::sampling::quantile;
 use super::shading::Shading;
 use super::{Table, Track};
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Vec2, perp};
 use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 
@@ -132,28 +134,43 @@ impl PlateWatch {
     /// Checks the plate in `frame`; `tracks` hold the last seen places of the parts. The first frame that shows a plate
     /// takes longer: the plate's brightness is learned from it.
     pub fn check(&mut self, frame: &Frame, tracks: &[Track]) -> PlateOccupancy<'_> {
+        self.check_swung(frame, tracks, Vector3::zeros())
+    }
+
+    /// As [`Self::check`], for a plate that has swung by this shift along the table's axes and turn at the corners, px:
+    /// nothing is learned from it.
+    pub fn check_swung(&mut self, frame: &Frame, tracks: &[Track], swing_px: Vector3<f64>) -> PlateOccupancy<'_> {
         self.foreign_m.clear();
         if let Some(positions) = &frame.positions {
             let dark = positions.corners_px.is_none() && positions.discs.is_empty();
             let hidden_share = if dark || positions.corners_px.is_some() { 0.0 } else { 1.0 };
             return PlateOccupancy { foreign_m: &[], hidden_share, dark };
         }
-        match self.hidden_share(frame, tracks) {
+        match self.hidden_share(frame, tracks, swing_px) {
             Some(hidden_share) => PlateOccupancy { foreign_m: &self.foreign_m, hidden_share, dark: false },
             None => PlateOccupancy { foreign_m: &[], hidden_share: 0.0, dark: true },
         }
     }
 
     /// Fills `foreign_m` and returns the hidden share; `None` for a frame that shows no plate.
-    fn hidden_share(&mut self, frame: &Frame, tracks: &[Track]) -> Option<f64> {
+    fn hidden_share(&mut self, frame: &Frame, tracks: &[Track], swing_px: Vector3<f64>) -> Option<f64> {
         let whole = frame.width.checked_mul(frame.height) == Some(frame.pixels.len());
         if !whole || [frame.width, frame.height] != self.frame_size {
             return None;
         }
-        self.grid.read(&frame.pixels, &mut self.levels);
-        self.excuse(tracks);
+        let is_swung = swing_px != Vector3::zeros();
+        if is_swung {
+            let moved = moved_pixels(&self.table, swing_px, self.frame_size);
+            self.grid.read(&frame.pixels, &mut self.levels, moved);
+        } else {
+            self.grid.read(&frame.pixels, &mut self.levels, Some);
+        }
+        self.excuse(tracks, swing_px);
         let is_saturated = self.saturated_share() > SATURATED_SHARE;
-        if !self.reference.is_known || self.reference.is_saturated && !is_saturated {
+        if is_swung && !self.reference.is_known {
+            return Some(0.0);
+        }
+        if !self.reference.is_known || self.reference.is_saturated && !is_saturated && !is_swung {
             self.load_surface(frame);
             self.reference.is_saturated = is_saturated;
         }
@@ -162,20 +179,24 @@ impl PlateWatch {
         if 2 * differing > compared {
             return None;
         }
-        self.learn(light);
+        if !is_swung {
+            self.learn(light);
+        }
         let hidden = if differing > 0 { self.gather() } else { 0 };
         Some(hidden as f64 / f64::from(compared.max(1)))
     }
 
     /// Marks the samples that tracked parts cover or may cover.
-    fn excuse(&mut self, tracks: &[Track]) {
+    fn excuse(&mut self, tracks: &[Track], swing_px: Vector3<f64>) {
         self.excused.fill(BARE);
+        let per_px = 0.5 * std::f64::consts::SQRT_2 * self.table.side_m / self.table.extent().1;
+        let (back, shift_m) = (Rotation2::new(-swing_px.z / self.table.extent().1), swing_px.xy() * per_px);
         for Track { seen, frames_unseen } in tracks {
             let Some(PartKind { radius_m, thickness_m, .. }) = self.kinds.get(seen.kind) else { continue };
-            let (shift_m, growth) = self.table.parallax(seen.position_m, *thickness_m);
-            let center_m = seen.position_m + shift_m / 2.0;
+            let (parallax_m, growth) = self.table.parallax(seen.position_m, *thickness_m);
+            let center_m = back * (seen.position_m + parallax_m / 2.0 - shift_m);
             let reach_m = radius_m * (1.0 + growth + MARGIN_RADII)
-                + shift_m.norm() / 2.0
+                + parallax_m.norm() / 2.0
                 + MARGIN_PX / self.table.px_per_m_at(seen.position_m);
             let excuse = if *frames_unseen == 0 { SEEN } else { UNSEEN };
             self.grid.within(center_m, reach_m, |sample| self.excused[sample] = excuse);
@@ -278,5 +299,22 @@ impl PlateWatch {
             Blob::Foreign { .. } => {}
         });
         hidden
+    }
+}
+
+/// Where the pixels of a plate are that has swung; `None` outside of the frame.
+fn moved_pixels(
+    table: &Table,
+    swing_px: Vector3<f64>,
+    [width, height]: [usize; 2],
+) -> impl Fn(usize) -> Option<usize> + use<> {
+    let (middle_px, radius_px) = table.extent();
+    let motion_px = table.in_picture(swing_px);
+    move |pixel| {
+        let at_px = Vec2::new((pixel % width) as f64, (pixel / width) as f64);
+        let to_px = at_px + motion_px.xy() + perp(at_px - middle_px) * (motion_px.z / radius_px);
+        let [x, y] = [to_px.x.round(), to_px.y.round()];
+        let is_within = x >= 0.0 && y >= 0.0 && x < width as f64 && y < height as f64;
+        is_within.then(|| y as usize * width + x as usize)
     }
 }

@@ -174,6 +174,27 @@ fn hand_and_arm_hide_the_plate_and_are_not_reported_as_parts() {
 }
 
 #[test]
+fn swung_plate_shows_foreign_parts_and_no_others() {
+    let scene = Scene { noise_sd: 2.5, shading: 0.2, ..Scene::general(3) };
+    let discs = scattered(&mut Streams::new(3).stream("places"), 10);
+    let table = table(&scene);
+    let mut watch = watch(&scene);
+    watch.check(&shot(&scene, 50, &discs), &tracks(&discs));
+    for swing_px in [[9.0, -4.0], [-6.0, 11.0]].map(Vec2::from) {
+        let mut swung = scene.clone();
+        swung.lens.principal_px += table.in_picture(swing_px.push(0.0)).xy();
+        let swing_m = swing_px / table.mean_px_per_m();
+        // all but one are parts, tracked where they are seen
+        let seen: Vec<SceneDisc> = discs.iter().map(|d| SceneDisc { at_m: d.at_m + swing_m, ..d.clone() }).collect();
+        let frame = shot(&swung, 60, &discs);
+        assert!(is_clear(&watch.check_swung(&frame, &tracks(&seen), swing_px.push(0.0))), "{swing_px:?}");
+        let sight = watch.check_swung(&frame, &tracks(&seen[1..]), swing_px.push(0.0));
+        let is_there = sight.foreign_m.iter().any(|at_m| (at_m - discs[0].at_m).norm() < PENNY_M);
+        assert!(is_there && sight.foreign_m.len() == 1, "{swing_px:?}: {sight:?}");
+    }
+}
+
+#[test]
 fn frames_that_show_no_plate_are_dark_and_not_learned_from() {
     let scene = Scene { noise_sd: 2.5, ..Scene::general(6) };
     let discs = [penny(0.0, 0.0), penny(0.05, 0.05)];

@@ -1,4 +1,4 @@
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Rotation2, Vector3};
 
 use super::{Table, TableError};
 use upm_core::geometry::{Homography, Lens, Vec2};
@@ -85,6 +85,24 @@ impl Table {
             lens.principal_px + at.xy() * (lens.focal_px / at.z)
         });
         Self::of_rectangle(corners, [side_m, side_m * reach.y / reach.x], lens, [UNEQUAL_SIDES, SKEW])
+    }
+
+    /// Middle of the table in the picture and the distance of its farthest corner, px.
+    pub(super) fn extent(&self) -> (Vec2, f64) {
+        let middle_px = self.corners_px.iter().sum::<Vec2>() / 4.0;
+        (middle_px, self.corners_px.iter().fold(1e-9, |most: f64, corner| most.max((corner - middle_px).norm())))
+    }
+
+    /// A shift along the table's axes and a turn at its corners, px, in the picture's axes, y down.
+    pub(super) fn in_picture(&self, swing_px: Vector3<f64>) -> Vector3<f64> {
+        let shift_px = Rotation2::new(self.rotation_rad) * swing_px.xy();
+        Vector3::new(shift_px.x, -shift_px.y, -swing_px.z)
+    }
+
+    /// The inverse of [`Self::in_picture`].
+    pub(super) fn swing_of_picture(&self, motion_px: Vector3<f64>) -> Vector3<f64> {
+        let shift_px = Rotation2::new(-self.rotation_rad) * Vec2::new(motion_px.x, -motion_px.y);
+        shift_px.push(-motion_px.z)
     }
 
     /// A gradient on the plate at its middle, 1/m, in the picture, 1/px.

@@ -1,9 +1,10 @@
 //! The sides of rendered tables with a displaced camera, hidden sides or dimmed light.
 
 use super::{Table, TableMotion, TableWatch};
+use nalgebra::{Rotation2, Vector3};
 use proptest::prelude::*;
 use rand::RngExt;
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Vec2, cross};
 use upm_core::random::Streams;
 use upm_core::signal::Frame;
 use upm_scene::testing::{SIDE_M, penny};
@@ -73,6 +74,30 @@ fn unmoved_table_is_distinguished_from_a_knock_of_half_a_pixel() {
             let after = knocked(&scene, Vec2::new(cos, sin) * shift_px, turn_rad);
             let (seen, truth) = (corner_px(watch.check(&after.frame_with(&discs()))), truth_px(&scene, &after));
             assert!((seen - truth).abs() < 0.1 + 0.1 * truth, "seed {seed}: {seen} px of {truth} px");
+        }
+    }
+}
+
+#[test]
+fn swung_plate_is_measured_from_near_where_it_is_looked_for() {
+    for seed in 0..4 {
+        let scene = Scene { noise_sd: 1.0, ..Scene::general(seed) };
+        let corners = scene.corners_px();
+        let table =
+            Table::from_ideal_corners(corners.map(|px| scene.lens.ideal_from_image(px)), SIDE_M, &scene.lens).unwrap();
+        let in_table = |px: Vec2| Rotation2::new(-table.rotation_rad) * Vec2::new(px.x, -px.y);
+        let middle = corners.iter().sum::<Vec2>() / 4.0;
+        let arms = corners.map(|corner| in_table(corner - middle));
+        let radius_px = arms.iter().map(|arm| arm.norm()).fold(0.0, f64::max);
+        for (shift_px, turn_rad) in [((9.0, -4.0), 0.0), ((-3.0, 2.0), 0.02), ((6.0, 11.0), -0.015)] {
+            let swung = knocked(&scene, Vec2::new(shift_px.0, shift_px.1), turn_rad);
+            let after = swung.corners_px();
+            let ways = [0, 1, 2, 3].map(|i| in_table(after[i] - corners[i]));
+            let turn = (0..4).map(|i| cross(arms[i], ways[i]) / arms[i].norm_squared() / 4.0).sum::<f64>() * radius_px;
+            let truth = (ways.iter().sum::<Vec2>() / 4.0).push(turn);
+            let places = [Vector3::new(30.0, 0.0, 0.0), truth + Vector3::new(1.5, -1.0, 1.0)];
+            let seen = watch(&scene).swing_near(&swung.frame_with(&discs()), &places).unwrap();
+            assert!((seen - truth).norm() < 0.4, "seed {seed}: {seen:?} for {truth:?}");
         }
     }
 }

@@ -79,10 +79,12 @@ impl CellGrid {
         }
     }
 
-    /// The gray level of every sample; NaN where there is none. `levels` has [`CellGrid::len`] elements.
-    pub(super) fn read(&self, pixels: &[u8], levels: &mut [f32]) {
+    /// The gray level of every sample where `moved` puts its first pixel; NaN where there is none. `levels` has
+    /// [`CellGrid::len`] elements.
+    pub(super) fn read(&self, pixels: &[u8], levels: &mut [f32], moved: impl Fn(usize) -> Option<usize>) {
         for (level, &first) in levels.iter_mut().zip(&self.pixels) {
-            let sample = pixels.get(first as usize..).and_then(|rest| rest.first_chunk::<WIDTH>());
+            let first = if first == NONE { None } else { moved(first as usize) };
+            let sample = first.and_then(|first| pixels.get(first..)?.first_chunk::<WIDTH>());
             let sum = |sample: &[u8; WIDTH]| sample.iter().map(|&pixel| u16::from(pixel)).sum::<u16>();
             *level = sample.map_or(f32::NAN, |sample| f32::from(sum(sample)) * (1.0 / WIDTH as f32));
         }

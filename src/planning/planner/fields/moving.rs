@@ -15,4 +15,5 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-pub use planner::{Heading, MovingPlanner, Segment};
+pub use aims::Heading;
+pub use planner::{MovingPlanner, Segment};

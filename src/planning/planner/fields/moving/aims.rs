@@ -33,6 +33,18 @@ const MUCH_LEFT: f64 = 0.6;
 const GROWS: f64 = 1.12;
 const FALLS: f64 = 0.93;
 
+/// Where a part is heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heading {
+    /// The place where it should come to rest, m, or where it should be [`super::MovingPlanner::ahead_s`] after the
+    /// segment begins.
+    pub target_m: Vec2,
+    /// The next place on its way there that keeps it clear of others, m.
+    pub subgoal_m: Vec2,
+    /// Velocity with which it passes its target, m/s; `None` where it comes to rest.
+    pub along_mps: Option<Vec2>,
+}
+
 /// The purpose of a segment.
 #[derive(Clone, Debug)]
 pub(super) enum Goal {

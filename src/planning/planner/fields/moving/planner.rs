@@ -1,7 +1,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::aims::{AHEAD, Aims, Goal, MovingPart, rms};
+use super::aims::{AHEAD, Aims, Goal, Heading, MovingPart, rms};
 use super::filter::PartFilter;
 use super::model::MovingModel;
 use super::motion::{Motion, NearEdge};
@@ -59,18 +59,6 @@ pub struct Segment {
     pub sets_down: bool,
     /// Forecast places at the end of its first period, m; of the last segment where the parts come to rest.
     pub ends_m: Vec<Vec2>,
-}
-
-/// Where a part is heading.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Heading {
-    /// The place where it should come to rest, m, or where it should be [`MovingPlanner::ahead_s`] after the segment
-    /// begins.
-    pub target_m: Vec2,
-    /// The next place on its way there that keeps it clear of others, m.
-    pub subgoal_m: Vec2,
-    /// Velocity with which it passes its target, m/s; `None` where it comes to rest.
-    pub along_mps: Option<Vec2>,
 }
 
 /// Plans motions that never stop until all parts are at their targets (equation sheet, section 5.1). Follows the parts
@@ -185,6 +173,11 @@ impl MovingPlanner {
             .collect();
         off_m.sort_by(f64::total_cmp);
         if off_m.len() < MANY { 0.0 } else { off_m[off_m.len() / 2] }
+    }
+
+    /// Time of the present segment up to which the parts were followed, s.
+    pub fn reached_s(&self) -> f64 {
+        self.step as f64 * self.model.basis.step_s()
     }
 
     /// Estimated places of the parts, m.

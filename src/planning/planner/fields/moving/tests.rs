@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use rand::RngExt as _;
 
-use super::planner::{Heading, MovingPlanner, Segment};
+use super::aims::Heading;
+use super::planner::{MovingPlanner, Segment};
 use crate::cor_library::Library;
 use crate::planner::PlannerParams;
 use crate::planner::fields::tests::upm_2;
