@@ -8,7 +8,7 @@ use super::rules::Source;
 /// capability is worth it, and lowered when its crate shrinks.
 const CEILINGS: [(&str, usize); 14] = [
     ("chart", 786),
-    ("control", 4106),
+    ("control", 4107),
     ("core", 2574), // 14 of issue 48's budget
     ("fixtures", 336),
     ("lab", 6188),
