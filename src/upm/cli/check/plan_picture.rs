@@ -26,7 +26,7 @@ pub(super) fn plan_chart(planned: &PlanReport<'_>) -> Chart {
     let color = |i: usize| palette.parts().get(i).map_or(Color::Gray, |&rgb| Color::Rgb(rgb));
     let mut layers = vec![Layer::plate(half_side_mm)];
     layers.extend(bins(&layout, &palette));
-    let paths_m = forecast.dry_runs.first().map_or(&[][..], |dry_run| &dry_run.record.paths_m);
+    let paths_m = forecast.dry_runs.0.first().map_or(&[][..], |dry_run| &dry_run.record.paths_m);
     let predicted = paths_m.iter().enumerate();
     layers.extend(predicted.flat_map(|(i, path_m)| predicted_path(path_m, color(i))));
     layers.extend(paths(&layout, &color));
