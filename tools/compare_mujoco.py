@@ -7,17 +7,14 @@ Each seed is a run without pauses of arrange-4 with parts of 1 mm and 0.01 g, on
 From its journal `moving_run.py` makes the plate's velocity through all segments and cross-fades, from rest to rest;
 MuJoCo moves a plate so under four points at the same starts.
 
-Displacements. Where upm's parts ended is held against MuJoCo's own limit. MuJoCo runs at steps halved from 4 µs to 0.5
-µs, its contacts stiffer the smaller the step, so that the limit is dry friction between hard bodies. If the last two
-changes, over all parts, fall by a factor f > 1.3 the limit is the finest run + (its last change)/(f - 1), Richardson's
-extrapolation with the order measured; else it is the finest run. What MuJoCo leaves uncertain is printed beside: the
-last change or the distance from finest run to limit, whichever is larger. Errors are |d - reference| / |reference| of
-the displacement vectors; the worst part counts.
+Displacements. Where upm's parts ended is held against MuJoCo's own limit, dry friction between hard bodies: steps are halved
+from 4 µs to 0.5 µs, contacts stiffer the smaller the step. If the last two changes, over all parts, fall by a factor f > 1.3
+the limit is the finest run + (its last change)/(f - 1) (Richardson), else the finest run. Its uncertainty is printed, too: the
+last change or the distance from finest run to limit, whichever is larger. Errors are |d - reference| / |reference|, worst part.
 
-Speed. The time of stepping a second of plate time, CPU time on one core, MuJoCo at 2 µs. For upm it is the time of 501
-pulses in `upm simulate`, the run's first motion to its sixth harmonic, less that of 1 pulse, over 500, best of
-three, both of whole processes: start and set-up cancel. For MuJoCo it is that of the stepping loop of the whole run
-less that of the same loop with calls that step nothing: set-up and Python are left out.
+Speed. CPU time on one core of stepping a second of plate time, MuJoCo at 2 µs. For upm: 501 pulses in `upm simulate` (the run's
+first motion to its sixth harmonic) less 1 pulse, over 500, best of three whole processes: set-up cancels. For MuJoCo: the
+stepping loop of the whole run less the same loop with calls that step nothing.
 
 Exit status 1 when a bar is missed for any seed: errors of at most 1 %, at least 300 times MuJoCo's speed.
 """

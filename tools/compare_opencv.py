@@ -3,22 +3,18 @@
 
 usage: compare_opencv.py [--upm target/debug/upm] [--venv target/compare-opencv] [--scenes 1 2 3] [--bar 10]
 
-Pictures: `upm-lab scene papers` (`cargo build -p upm-lab`), a white plate of 8 in with 16 pennies, 1280x1024, truth beside. Both are told the
-sizes of plate and penny and that parts are dark. OpenCV and numpy are installed from PyPI into the folder `--venv` when
-they are not there.
+Pictures: `upm-lab scene papers` (`cargo build -p upm-lab`), a white plate of 8 in with 16 pennies, 1280x1024, truth beside.
+Both are told the sizes of plate and penny and that parts are dark. OpenCV and numpy are installed into `--venv`.
 
-In the pipelines that are judged OpenCV finds the table by GaussianBlur, Canny, HoughLines (1 px, 0.5°), four lines and
-cornerSubPix; parts within the plate's box, what is outside the plate masked. "kernel" convolves with a solid disk and
-takes blobs or maxima of the response: every way of filter2D and matchTemplate, every way to read off peaks, several
-thresholds are tried, and the fastest that finds all parts and invents none in all scenes is the one compared. "circles"
-is HoughCircles, tuned in the same way. OpenCV's settings are so chosen with the truth in hand; upm has none.
+OpenCV finds the table by GaussianBlur, Canny, HoughLines (1 px, 0.5°), four lines and cornerSubPix; parts within the plate's
+box, the rest masked. "kernel" convolves with a solid disk and takes blobs or maxima: of every way of filter2D, matchTemplate,
+peaks and thresholds the fastest that finds all parts and invents none in all scenes is compared. "circles" is HoughCircles,
+tuned in the same way. OpenCV's settings are so chosen with the truth in hand; upm has none.
 
-Times are wall time, medians of repeats, from the 8-bit picture in memory to centres and corners. Those of upm are
-`time_us.table + time_us.parts` of `upm-lab locate --fast`, the control loop's vision with all kernels and plans made anew;
-the same picture is given several times to one process, the first of them not counted.
-Repeats of all take turns, and everything runs on one and the same core. The ratio of medians is judged; that of the least
-times is printed for busy machines. Centres are held against the truth, px; a part is missed when nothing is
-found within 2 px.
+Times are wall time, medians of repeats that take turns on one core, from the 8-bit picture in memory to centres and corners.
+Those of upm are `time_us.table + time_us.parts` of `upm-lab locate --fast`, with all kernels and plans made anew, the first
+picture of a process not counted. The ratio of medians is judged, that of the least times printed. A part is missed when
+nothing is found within 2 px of the truth.
 
 Exit status 1 when upm is less than `--bar` times as fast as either pipeline in any scene, or misses or invents a part.
 """

@@ -5,7 +5,6 @@ usage: faults.py campaign  [--seeds 200] [--first 0] [--half safety|liveness|bot
        faults.py healthy   [--seeds 200] [--first 0] [--keep DIR]
        faults.py schedules [--jobs-per 3] [--seeds 2] [--planner moving_field] [--only WORD ...]
        faults.py daemon    [--jobs-per 3] [--seeds 1] [--only WORD ...] [--no-estops]
-       faults.py shrink SEED [--half H] [--keep DIR]
        faults.py judge RUN_FOLDER ...
        faults.py mutants --guards a,b,c [--seeds 1000]
        faults.py selftest
@@ -14,16 +13,13 @@ options of all that run: [--upm target/debug/upm] [--jobs CORES]
 campaign   draws job and schedule by seed, runs each in a process of its own on all cores and judges it by the rules
            O1 to O10 (tools/faults/oracle.py). Prints violations with the smallest command that still fails, outcomes and
            guards by kind, needless stops and the rate of violations with its 95 % bound.
-healthy    drawn jobs without faults (any task, 2 to 30 parts, both rigs and planners, every tenth job the letters): no finding
-           may end or slow one.
+healthy    drawn jobs without faults (any task, 2 to 30 parts, every tenth the letters): no finding may end or slow one.
 schedules  the 55 schedules with a name, against the bars by which their faults have to be noticed.
-daemon     the same schedules as jobs of one daemon (a build with the feature `daemon`), each with a job queued behind it: a
-           plate pauses with a cause and a remedy exactly where a person has to look (O7), the next job completes after
-           `resume` (O9), and each run ends as it does alone (O10). Emergency stops in the middle of runs with faults.
-shrink     makes the case of a seed small: fewer faults.
+daemon     the same schedules as jobs of one daemon, each with a job queued behind it: a plate pauses with cause and remedy
+           exactly where a person has to look (O7), the next job completes after `resume` (O9), each run ends as it does
+           alone (O10). Emergency stops in the middle of runs with faults.
 judge      the oracle alone, over run folders.
-mutants    switches one guard off after the other (a build with the feature `mutants`), and counts the seeds until a rule is
-           broken that is not broken with all guards on.
+mutants    counts the seeds until a rule is broken with one guard off (a build with the feature `mutants`), not with all on.
 selftest   the oracle over run folders made by hand, the rules of the daemon over answers made by hand.
 
 Exit status 1 when a rule is broken, a bar is missed, a drawn run is refused or a mutant goes on uncaught.
@@ -37,7 +33,6 @@ import unittest
 from common import ROOT, table
 from faults import campaign, daemon_tier, oracle, schedules
 from faults.runs import Runner
-from faults.shrink import shrunk
 
 
 def run_campaign(args):
@@ -58,18 +53,6 @@ def run_schedules(args):
 
 def run_daemon(args):
     return daemon_tier.run_all(Runner(args.upm), args.jobs_per, args.seeds, args.jobs, args.only, not args.no_estops)
-
-
-def run_shrink(args):
-    runner, case = Runner(args.upm), campaign.case_of(args.seed, args.half)
-    args.first, args.seeds = args.seed, 1
-    alone = campaign.Campaign(runner, args)
-    alone.run()
-    found = campaign.seen(alone.verdicts[0])
-    print("\n".join(map(str, found)) or "breaks no rule")
-    if found:
-        print("\n".join(shrunk(runner, case.made, case.faults, found[0].rule, case.is_liveness, args.keep)))
-    return not found
 
 
 def run_judge(args):
@@ -124,10 +107,10 @@ def arguments():
 
     halves = argparse.ArgumentParser(add_help=False)
     halves.add_argument("--half", choices=("safety", "liveness", "both"), help="faults that stay, that end, either")
-    command = add("campaign", run_campaign, running, drawing, halves)
-    command.add_argument("--seeds", type=int, default=200)
-    command.add_argument("--no-shrink", action="store_true")
-    add("healthy", run_healthy, running, drawing).add_argument("--seeds", type=int, default=200)
+    many = argparse.ArgumentParser(add_help=False)
+    many.add_argument("--seeds", type=int, default=200)
+    add("campaign", run_campaign, running, drawing, many, halves).add_argument("--no-shrink", action="store_true")
+    add("healthy", run_healthy, running, drawing, many)
     named = argparse.ArgumentParser(add_help=False)
     named.add_argument("--jobs-per", type=int, default=3, choices=range(1, len(schedules.JOBS) + 1))
     named.add_argument("--only", nargs="+", metavar="WORD", help="schedules with one of these in their names")
@@ -137,7 +120,6 @@ def arguments():
     command = add("daemon", run_daemon, running, named)
     command.add_argument("--seeds", type=int, default=1)
     command.add_argument("--no-estops", action="store_true", help="no emergency stops")
-    add("shrink", run_shrink, running, drawing, halves).add_argument("seed", type=int)
     add("judge", run_judge).add_argument("folders", nargs="+", metavar="RUN_FOLDER")
     command = add("mutants", run_mutants, running, drawing, halves)
     command.add_argument("--guards", required=True, help="names, with commas between")

@@ -3,10 +3,9 @@
 
 usage: moving_run.py [--upm target/debug/upm] [--venv target/moving-run] [--seeds 1 2 3 4 5] [--step-us 25]
 
-Each seed is a run of eight discs with a friction each, which its folder states. From the counts in its
-journal this file makes every sample of the coils (docs/physics.md, sections 1.2 and 5.1), their low-pass, the plate on
-its rods, and the discs as 400 patches each under Coulomb's law, in half upm's step: from the places observed at the
-start to those at the end, which are compared, without a look in between. Exit status 1 when one is 0.5 mm off or more.
+Each seed is a run of eight discs with a friction each. From the counts in its journal this file makes every sample of the coils
+(docs/physics.md, sections 1.2 and 5.1), their low-pass, the plate on its rods, and the discs as 400 patches each under Coulomb's
+law, in half upm's step, from the places at the start to those at the end. Exit status 1 when one is 0.5 mm off or more.
 """
 import cmath
 import json

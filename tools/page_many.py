@@ -24,9 +24,7 @@ def check_open_job(checks, page, daemon):
     for number in range(25):
         daemon.queue(f"late-{number}")
     page.reload()
-    name = card(page, "upm-2").locator(".job-name", has_text="early")
-    name.wait_for()
-    name.click()
+    card(page, "upm-2").locator(".job-name", has_text="early").click()
     opened = page.locator(".watched", has_text="early")
     checks.soon("it opens from its card though 25 newer jobs wait", lambda: opened.locator(".log li").count() > 0)
     with page.expect_response(lambda response: "/v1/jobs?limit=20" in response.url):

@@ -21,7 +21,7 @@ from common import ROOT, enter_venv, parser_of
 from page_checks import Checks, card, fill_job, queue, state
 from page_daemon import BAD_JOB, SLOW_JOB, PageDaemon
 from page_many import check_hidden_tab, check_long_queue, check_open_job, check_tabs
-from page_order import check_deletion, check_device, check_file, check_pen, check_token
+from page_order import check_deletion, check_device, check_drawings, check_file, check_pen, check_ten, check_token
 from page_plate import check_causes, check_sights
 from page_scripts import CLEARANCE_JS, CONTRAST_JS, MARKED_JS, PLACES_JS
 
@@ -102,21 +102,17 @@ def check_stale(checks, page, daemon):
     age = lambda: card(page, "upm-2").locator(".age").inner_text()
     page.evaluate("scrollTo({top: 0, behavior: 'instant'})")
     checks.soon("a plate that runs is live", lambda: age().startswith("Live"), 10)
-    grey = lambda: page.evaluate("""[...document.querySelectorAll('article.card .view')]
-        .every((view) => getComputedStyle(view).filter.includes('grayscale'))""")
-    lists_grey = lambda: page.evaluate("""[...document.querySelectorAll('.rows, .queue')]
-        .every((list) => getComputedStyle(list).filter.includes('grayscale'))""")
+    grey = lambda what: page.locator(what).evaluate_all("all => all.every((one) => getComputedStyle(one).filter.includes('grayscale'))")
     daemon.tell(signal.SIGSTOP)
     began = time.monotonic()
-    checks.soon("a silent daemon turns every plate grey within 2.5 s", grey, 2.5, busy=1)
-    checks.soon("and the lists of jobs with them", lists_grey, 0.5, busy=1)
+    checks.soon("a silent daemon turns every plate grey within 2.5 s", lambda: grey("article.card .view"), 2.5, busy=1)
+    checks.soon("and the lists of jobs with them", lambda: grey(".rows, .queue"), 0.5, busy=1)
     checks.that("and says so", age().startswith("Not live"), age())
     checks.that("states are called unknown", state(page, "upm-2").startswith("unknown"))
-    first = age()
+    seconds = lambda: float(re.search(r"([\d.]+)\W*s ago", age())[1])
+    first = seconds()
     page.wait_for_timeout(1500)
-    seconds = lambda text: float(re.search(r"([\d.]+)\W*s ago", text)[1])
-    grown, passed = seconds(age()) - seconds(first), time.monotonic() - began
-    checks.that("the age goes on", grown > 1.2 and seconds(age()) >= passed - 0.5, age())
+    checks.that("the age goes on", seconds() - first > 1.2 and seconds() >= time.monotonic() - began - 0.5, age())
     checks.that("the missing daemon is told beside the stop", "No news" in page.locator("#contact").inner_text())
     daemon.tell(signal.SIGCONT)
     checks.soon("it is back by itself", lambda: not page.locator("#contact.lost").count(), 6)
@@ -132,22 +128,18 @@ def check_faults(checks, page, daemon):
     checks.that("each fault is listed with the line it is about", lines == {"seed": "3", "colour": "8"}, lines)
     checks.that("whose number is marked", page.evaluate(MARKED_JS) == ["3", "8"])
     checks.that("nothing was queued", len(daemon.jobs()) == before)
-    fill_job(page, BAD_JOB.replace("    {\"kind\": \"penny\"},\n", 50 * "    {\"kind\": \"penny\"},\n").replace('"seven"', "7"))
-    page.click("#order-send")
-    checks.soon("in a long text, too, which is scrolled there", lambda: page.locator(".note").count() == 1
-                and page.evaluate(MARKED_JS) == ["57"])
-    fill_job(page, '{\n  "name": "bad",\n  "seed": ,\n}')
-    page.click("#order-send")
-    checks.soon("text that is no JSON is marked where it breaks", lambda: page.evaluate(
-        "[...document.querySelectorAll('.note')].map((n) => n.dataset.line).join()") == "3")
-    fill_job(page, BAD_JOB.replace('  "colour": 3,\n', "").replace('"seven"', "7"))
-    page.click("#order-send")
-    kind = page.locator('.note[data-line="6"] code')
-    checks.soon("so does one within a list", lambda: page.locator(".note").count() == 1 and kind.all_inner_texts() == ["kind of part 2"])
-    fill_job(page, BAD_JOB.replace('  "colour": 3,\n', '  "//": "a note", "größe": 3,\n').replace('"seven"', "7"))
-    page.click("#order-send")
-    odd = lambda: page.locator(".note").evaluate_all("notes => notes.map((note) => note.dataset.line)")
-    checks.soon("unknown keys of any letters are faults with their line", lambda: odd() == ["8", "8"])
+    noted = lambda: page.locator(".note").evaluate_all("notes => notes.map((note) => note.dataset.line)")
+    bad = lambda old, new: BAD_JOB.replace('"seven"', "7").replace(old, new)
+    for what, text, lines in [
+        ("in a long text, too, which is scrolled there", bad('    {"kind": "penny"},\n', 50 * '    {"kind": "penny"},\n'), ["57"]),
+        ("text that is no JSON is marked where it breaks", '{\n  "name": "bad",\n  "seed": ,\n}', ["3"]),
+        ("unknown keys of any letters are faults with their line", bad("colour", 'größe": 3, "//'), ["8"]),
+        ("so does one within a list", bad('  "colour": 3,\n', ""), ["6"]),
+    ]:
+        fill_job(page, text)
+        page.click("#order-send")
+        checks.soon(what, lambda: sorted(set(noted())) == lines == page.evaluate(MARKED_JS))
+    checks.that("which is named as a person counts", page.locator(".note code").inner_text() == "kind of part 2")
 
 
 def check_queue(checks, page, daemon):
@@ -180,8 +172,7 @@ def check_queue(checks, page, daemon):
     page.wait_for_timeout(600)
     checks.that("so that the next job is only asked for", daemon.job(running)["state"] == "running")
     button.last.click()
-    ended = lambda: daemon.job(running)["state"] == "cancelled"
-    checks.soon("a running job can be cancelled", ended, 10)
+    checks.soon("a running job can be cancelled", lambda: daemon.job(running)["state"] == "cancelled", 10)
     checks.soon("and the next one starts", lambda: daemon.plate("upm-2")["job"] not in (None, running), 10)
     checks.soon("history tells how it ended", lambda: page.locator(f'.rows li[data-job="{running}"] .state').inner_text() == "cancelled")
     link = page.locator(f'.rows li[data-job="{running}"] a')
@@ -319,15 +310,17 @@ def main():
         sandbox = ["--no-sandbox"] if os.geteuid() == 0 else []
         browser = stack.enter_context(contextlib.closing(chromium.launch(executable_path=args.chromium, args=sandbox)))
         tabs = browser.new_context(viewport=DESK)
-        page = tabs.new_page()
-        checks = Checks(page)
+        checks = Checks(page := tabs.new_page())
         errors, outside = [], []
         tabs.on("weberror", lambda error: errors.append(str(error.error)))
         tabs.on("console", lambda said: errors.append(said.text) if "Content Security Policy" in said.text else None)
         tabs.on("request", lambda asked: outside.append(asked.url) if not asked.url.startswith((daemon.url, "blob:")) else None)
 
-        daemon = PageDaemon(args.upm, folder())
-        stack.callback(daemon.end)
+        def served(**more):
+            stack.callback((started := PageDaemon(args.upm, folder(), **more)).end)
+            return started
+
+        daemon = served()
         for check in [check_first_sight, check_running, check_faults, check_queue, check_stale, check_stop, check_reset,
                       check_restart, check_history]:
             check(checks, page, daemon)
@@ -335,16 +328,14 @@ def main():
         page.emulate_media(color_scheme="light", reduced_motion="no-preference")
         page.goto("about:blank")
         daemon.end()
-        daemon = PageDaemon(args.upm, folder())
-        stack.callback(daemon.end)
-        for check in [check_sights, check_causes, check_file, check_pen, check_deletion]:
+        daemon = served()
+        for check in [check_sights, check_causes, check_file, check_pen, check_drawings, check_ten, check_deletion]:
             check(checks, page, daemon)
         check_device(checks, browser, daemon)
         for check in [check_open_job, check_hidden_tab, check_tabs, check_long_queue]:
             check(checks, page, daemon)
         page.goto("about:blank")
-        daemon = PageDaemon(args.upm, folder(), token="a-token-of-thirty-two-characters!")
-        stack.callback(daemon.end)
+        daemon = served(token="a-token-of-thirty-two-characters!")
         check_token(checks, page, daemon)
         checks.that("the script met no error and broke no rule of the page's policy", errors == [], errors[:3] or "")
         checks.that("nothing was asked of anybody else", outside == [], outside[:3] or "")

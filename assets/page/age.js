@@ -4,14 +4,10 @@
 export const STALE_S = 2;
 
 /** A moment on both of the browser's clocks: one pauses while the machine sleeps, the other may be set. */
-export function moment() {
-  return { steady: performance.now(), wall: Date.now() };
-}
+export const moment = () => ({ steady: performance.now(), wall: Date.now() });
 
 /** Seconds since `then`, by the clock that says more. */
-export function since(then) {
-  return Math.max(performance.now() - then.steady, Date.now() - then.wall, 0) / 1000;
-}
+export const since = (then) => Math.max(performance.now() - then.steady, Date.now() - then.wall, 0) / 1000;
 
 /** `3.4 s`, `45 s`, `12 min`; the unit stays on the line of its number. */
 export function span(seconds) {

@@ -102,12 +102,8 @@ async function refreshJobs() {
 
 async function watchReadiness() {
   for (;;) {
-    try {
-      await json('GET', 'readyz');
-      showReasons([]);
-    } catch (error) {
-      if (error instanceof Problem) showReasons(error.message.split('; '));
-    }
+    const failed = await json('GET', 'readyz').then(() => null, (error) => error);
+    if (!failed || failed instanceof Problem) showReasons(failed?.message.split('; ') ?? []);
     await nap(READY_MS);
   }
 }

@@ -25,7 +25,9 @@ export class Camera {
     const { signal } = this.control;
     while (!signal.aborted) {
       await inSight();
-      const [isNear, over] = [this.isNear(), isOver()];
+      const [{ top, bottom }, over] = [this.root.getBoundingClientRect(), isOver()];
+      // within a screen of what can be seen of the page
+      const isNear = bottom > -innerHeight && top < 2 * innerHeight;
       try {
         if (isNear) await this.poll(job, signal);
       } catch (error) {
@@ -36,12 +38,6 @@ export class Camera {
       if (isNear && over) return;
       await nap(PICTURE_MS);
     }
-  }
-
-  /** True within a screen of what can be seen of the page. */
-  isNear() {
-    const { top, bottom } = this.root.getBoundingClientRect();
-    return bottom > -innerHeight && top < 2 * innerHeight;
   }
 
   async poll(job, signal) {

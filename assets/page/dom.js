@@ -38,9 +38,7 @@ export function setChildren(parent, children) {
 }
 
 /** Tells those who hear the page that something changed. */
-export function announce(text) {
-  document.getElementById('spoken').textContent = text;
-}
+export const announce = (text) => document.getElementById('spoken').replaceChildren(text);
 
 export const nap = (ms) => new Promise((done) => setTimeout(done, ms));
 

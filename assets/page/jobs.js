@@ -4,6 +4,7 @@ import { hasToken, json, ofJob, send, whole } from './api.js';
 import { clock, span } from './age.js';
 import { button, el, setChildren, setText, show, twice } from './dom.js';
 import { Watched } from './watch.js';
+import { inWords } from './words.js';
 
 const ON_A_PAGE = 20;
 const ENDED = ['completed', 'failed', 'cancelled', 'interrupted'];
@@ -35,7 +36,7 @@ class Row {
     const ran = (new Date(job.finished_at) - new Date(job.started_at)) / 1000;
     setText(this.took, job.started_at && job.finished_at ? `ran ${span(ran)}` : '');
     const lost = ['pruned', 'failed'].includes(recording) ? `recording ${recording}` : '';
-    setText(this.reason, [state === 'completed' ? '' : reason, lost].filter(Boolean).join(' · '));
+    setText(this.reason, [state === 'completed' ? '' : inWords(reason), lost].filter(Boolean).join(' · '));
     show(this.recording, KEPT.includes(recording));
     show(this.remove, ENDED.includes(state));
     show(this.cancel, !ENDED.includes(state));
@@ -59,7 +60,7 @@ class Row {
       el('a', { href: address, download: `${this.job.name}.rrd` }).click();
       setTimeout(() => URL.revokeObjectURL(address), 60000);
     } catch (error) {
-      this.list.showStatus(error.message);
+      setText(this.list.says, error.message);
     }
     setText(this.recording, 'Recording');
   }
@@ -82,10 +83,6 @@ export class Jobs {
     this.older.addEventListener('click', () => this.turn([...this.cursors, this.next]));
   }
 
-  showStatus(text) {
-    setText(this.says, text);
-  }
-
   turn(cursors) {
     this.cursors = cursors;
     // until the page has come, its neighbours are not known
@@ -105,7 +102,7 @@ export class Jobs {
       const page = await json('GET', `v1/jobs?${query}`);
       if (asked === this.asked) this.render(page);
     } catch (error) {
-      this.showStatus(`This list may be old: ${error.message}`);
+      setText(this.says, `This list may be old: ${error.message}`);
       this.list.classList.add('stale');
     }
   }
@@ -113,7 +110,7 @@ export class Jobs {
   render({ jobs, next }) {
     this.next = next;
     this.list.classList.remove('stale');
-    this.showStatus(jobs.length ? '' : this.only.value ? `No job is ${this.only.value}` : 'No jobs yet');
+    setText(this.says, jobs.length ? '' : this.only.value ? `No job is ${this.only.value}` : 'No jobs yet');
     this.rows = new Map(jobs.map((job) => [job.id, this.rows.get(job.id) ?? new Row(job, this)]));
     for (const job of jobs) {
       this.rows.get(job.id).take(job);
@@ -138,7 +135,7 @@ export class Jobs {
       this.watched.root.focus({ preventScroll: true });
       this.markOpen();
     } catch (error) {
-      this.showStatus(error.message);
+      setText(this.says, error.message);
     }
   }
 
@@ -167,9 +164,9 @@ export class Jobs {
     try {
       await send(method, path, {}, () => undefined);
       if (method === 'DELETE' && path === ofJob(this.watched?.job.id)) this.close();
-      this.showStatus('');
+      setText(this.says, '');
     } catch (error) {
-      this.showStatus(error.message);
+      setText(this.says, error.message);
     }
     this.changed();
   }

@@ -1,6 +1,7 @@
-// A pen: targets drawn on the plate become a job in the editor, which the daemon checks.
+// A pen: targets, start places and paths drawn on the plate become a job in the editor, which the daemon checks.
 
-import { arrangeOf, inJobOrder, markOf } from './drawn.js';
+import { json } from './api.js';
+import { inJobOrder, jobOf, madeBy, markOf, pathsOf, textOf } from './drawn.js';
 import { button, el, setChildren, svg } from './dom.js';
 import { colours } from './kinds.js';
 import { inWords } from './words.js';
@@ -9,40 +10,44 @@ const GRID_MM = 1;
 const STEP_MM = 5;
 const CHECK_MS = 400;
 const MARGIN_MM = 6;
+const CORNER_MM = 6;
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-const HINT = `Press to set a target, drag it, press it again to take it away; Ctrl Z undoes. By keys: arrows move, Shift moves
-  by 1 mm, Enter sets, Delete takes away.`;
+const USES = { target: 'targets', start: 'start places', path: 'paths' };
+const NAMES = { target: 'Target', start: 'Start', path: 'Path' };
+/** Rules for places, and a path that needs no corners. */
+const SHAPES = { letters: 'letters', ring: 'a ring', grid: 'a grid', circle: 'a path in a circle' };
+const HEARS = { pointerdown: 'press', pointermove: 'drag', pointerup: 'drop', pointercancel: 'drop', keydown: 'key' };
+const HINT = `Press to set a target, a start place or a path's corner, drag it, press it again to take it away; Ctrl Z undoes. A
+  part follows each path. By keys: arrows move, Shift moves by 1 mm, Enter sets, Delete takes away.`;
 /** A press that goes no farther than this sets or takes away, mm. */
 const DRAG_MM = 3;
+
+const choice = (options) => el('select', {}, ...Object.entries(options).map(([value, text]) => el('option', { value }, text)));
 
 export class Pen {
   /** `write(text)` takes the job's text; `check()` has it checked and gives its faults, or null without an answer. */
   constructor(root, { write, check, plate }) {
-    this.write = write;
-    this.askCheck = check;
-    this.chosenPlate = plate;
-    this.plates = [];
-    this.targets = [];
+    Object.assign(this, { write, askCheck: check, chosenPlate: plate });
+    [this.plates, this.faults, this.path, this.cursor] = [[], [], 1, [0, 0]];
+    /** The drawing: use, kind, place, for a corner the number of its path, for a circle its radius. */
+    this.marks = [];
     /** The drawings before this one, newest last. */
     this.past = [];
-    this.faults = new Map();
-    this.cursor = [0, 0];
-    this.kind = el('select', { 'aria-label': 'Kind of the parts' });
+    [this.use, this.kind, this.shape] = [choice(USES), choice({}), choice(SHAPES)];
+    const field = (value, more) => el('input', { value, ...more });
+    this.text = field('UP', { maxlength: 32 });
+    [this.count, this.size] = [14, 120].map((value) => field(value, { type: 'number', min: 1 }));
     [this.ground, this.shapes, this.cross] = [svg('g'), svg('g'), svg('path', { class: 'cursor', d: 'M-6 0H6M0 -6V6' })];
-    const hears = {
-      pointerdown: (event) => this.press(event),
-      pointermove: (event) => this.drag(event),
-      pointerup: () => this.drop(),
-      pointercancel: () => this.drop(),
-      keydown: (event) => this.key(event),
-    };
     const says = { role: 'application', 'aria-label': 'Plate to draw on', 'aria-describedby': 'pen-hint' };
-    const looks = { class: 'view sheet-to-draw', tabindex: 0 };
-    this.sheet = svg('svg', { ...looks, ...says, ...hears }, this.ground, this.shapes, this.cross);
+    this.sheet = svg('svg', { class: 'view sheet-to-draw', tabindex: 0, ...says }, this.ground, this.shapes, this.cross);
+    Object.entries(HEARS).forEach(([what, does]) => this.sheet.addEventListener(what, (event) => this[does](event)));
     this.says = el('ol', { class: 'pen-faults', 'aria-label': 'Faults of the drawing', 'aria-live': 'polite' });
-    const undo = button('Undo', () => this.undo());
-    const bar = el('div', { class: 'pen-tools' }, el('label', {}, 'Kind ', this.kind), undo, button('Clear', () => this.put([])));
-    root.append(bar, this.sheet, this.says, el('p', { class: 'hint', id: 'pen-hint' }, HINT));
+    const bar = (fields, ...buttons) =>
+      el('div', { class: 'pen-tools' }, ...Object.entries(fields).map(([name, input]) => el('label', {}, `${name} `, input)), ...buttons);
+    const acts = [button('New path', () => (this.path += 1)), button('Undo', () => this.undo()), button('Clear', () => this.put([]))];
+    const rule = { 'Or place': this.shape, Letters: this.text, Parts: this.count, 'Height in mm': this.size };
+    const bars = [bar({ Draw: this.use, Kind: this.kind }, ...acts), bar(rule, button('Place', () => this.make()))];
+    root.append(...bars, this.sheet, this.says, el('p', { class: 'hint', id: 'pen-hint' }, HINT));
   }
 
   get plate() {
@@ -67,16 +72,16 @@ export class Pen {
     return at.map((mm) => Math.round(Math.min(Math.max(mm, -half), half) / GRID_MM) * GRID_MM);
   }
 
-  radiusOf(kind) {
-    return this.plate.kinds.find((known) => known.kind === kind)?.radius_mm ?? 10;
+  radiusOf({ use, kind }) {
+    return use === 'path' ? CORNER_MM : (this.plate.kinds.find((known) => known.kind === kind)?.radius_mm ?? 10);
   }
 
   press(event) {
     if (!this.plate || event.button !== 0) return;
     this.sheet.setPointerCapture(event.pointerId);
     this.cursor = this.placeOf(event);
-    const { cursor: from, hit: target, targets: before } = this;
-    if (target) this.held = { from, target, before };
+    const { cursor: from, hit: mark, marks: before } = this;
+    if (mark) this.held = { from, mark, before };
     else this.toggle();
   }
 
@@ -85,24 +90,24 @@ export class Pen {
     return this.onPlate([x, -y]);
   }
 
-  /** A target follows the hand; the job is written once it is let go. */
+  /** A mark follows the hand; the job is written once it is let go. */
   drag(event) {
     if (!this.held) return;
-    const { from, target, before } = this.held;
+    const { from, mark, before } = this.held;
     const at = this.placeOf(event);
-    if (this.targets === before && Math.hypot(at[0] - from[0], at[1] - from[1]) < DRAG_MM) return;
+    if (this.marks === before && Math.hypot(at[0] - from[0], at[1] - from[1]) < DRAG_MM) return;
     this.cursor = at;
-    this.targets = before.map((other) => (other === target ? { ...target, at } : other));
+    this.marks = before.map((other) => (other === mark ? { ...mark, at } : other));
     this.render();
   }
 
   drop() {
     if (!this.held) return;
-    const [{ before }, { targets }] = [this.held, this];
+    const [{ before }, { marks }] = [this.held, this];
     this.held = null;
-    this.targets = before;
-    if (targets === before) this.toggle();
-    else this.put(targets);
+    this.marks = before;
+    if (marks === before) this.toggle();
+    else this.put(marks);
   }
 
   key(event) {
@@ -117,43 +122,70 @@ export class Pen {
     this.render();
   }
 
-  /** The target at the cursor. */
+  /** The mark at the cursor, of those that are being drawn. */
   get hit() {
     const [x, y] = this.cursor;
-    return this.targets.findLast(({ kind, at }) => Math.hypot(at[0] - x, at[1] - y) <= this.radiusOf(kind));
+    const isHit = (mark) => mark.use === this.use.value && Math.hypot(mark.at[0] - x, mark.at[1] - y) <= this.radiusOf(mark);
+    return this.marks.findLast(isHit);
   }
 
   undo() {
     if (this.past.length) this.put(this.past.pop(), false);
   }
 
-  /** Takes the target at the cursor away, or sets one there. */
+  /** Takes the mark at the cursor away, or sets one there. */
   toggle() {
-    const { hit, cursor } = this;
-    if (hit) this.put(this.targets.filter((target) => target !== hit));
-    else this.put([...this.targets, { kind: this.kind.value, at: cursor }]);
+    const { hit } = this;
+    this.put(hit ? this.marks.filter((mark) => mark !== hit) : [...this.marks, this.mark(this.cursor)]);
+  }
+
+  /** A mark at `at`; a path is of the kind of its first corner. */
+  mark(at, more) {
+    const { path, marks } = this;
+    const made = { use: this.use.value, kind: this.kind.value, at, path, ...more };
+    return { ...made, kind: (made.use === 'path' && marks.find((other) => other.path === path)?.kind) || made.kind };
+  }
+
+  /** Places by a rule, as the daemon has them, to be dragged on; or a circle about the cursor to go round. */
+  async make() {
+    const [count, size] = [this.count, this.size].map(({ value }) => Number(value));
+    const [use, shape] = [this.use.value === 'start' ? 'start' : 'target', this.shape.value];
+    if (shape === 'circle') {
+      this.path += 2;
+      return this.put([...this.marks, this.mark(this.cursor, { use: 'path', path: this.path - 1, radius: size / 2 })]);
+    }
+    const job = madeBy(shape, { kind: this.kind.value, plate: this.plate.name, text: this.text.value, count, size });
+    try {
+      const { layout } = await json('POST', 'v1/check', { body: JSON.stringify(job) });
+      const places = layout.targets_mm.map((at) => this.mark(at.map((mm) => Number(mm.toFixed(2))), { use }));
+      this.put([...this.marks.filter((mark) => mark.use !== use), ...places]);
+    } catch (error) {
+      this.faults = error.faults?.length ? error.faults : [{ path: error.message }];
+      this.render();
+    }
   }
 
   /** Writes the job anew and has it checked once the hand rests. */
-  put(targets, isNew = true) {
-    if (isNew) this.past.push(this.targets);
-    this.targets = inJobOrder(targets);
-    this.faults.clear();
+  put(marks, isNew = true) {
+    if (isNew) this.past.push(this.marks);
+    this.marks = inJobOrder(marks);
+    this.faults = [];
     clearTimeout(this.timer);
-    if (targets.length) {
-      this.write(arrangeOf(targets, this.plate.name));
+    if (marks.length) {
+      this.job = jobOf(this.marks, this.plate.name);
+      this.write(textOf(this.job));
       this.timer = setTimeout(() => this.check(), CHECK_MS);
     }
     this.render();
   }
 
   async check() {
-    const { targets } = this;
+    const { marks } = this;
     const faults = await this.askCheck();
     // drawn on meanwhile: another check is on its way
-    if (faults === null || targets !== this.targets) return;
-    const marked = faults.map((fault) => [markOf(fault.path), fault]).filter(([index]) => index !== null);
-    this.faults = new Map(marked.reverse());
+    if (faults === null || marks !== this.marks) return;
+    const placed = faults.map((fault) => ({ ...fault, mark: markOf(fault.path, this.job, marks) }));
+    this.faults = placed.filter(({ mark }, i) => !mark || placed.findIndex((other) => other.mark === mark) === i);
     this.render();
   }
 
@@ -164,19 +196,33 @@ export class Pen {
     this.sheet.setAttribute('viewBox', `${-edge} ${-edge} ${2 * edge} ${2 * edge}`);
     const outline = svg('rect', { class: 'plate', x: -side / 2, y: -side / 2, width: side, height: side, rx: 3 });
     const axes = svg('path', { class: 'axis', d: `M0 ${-side / 2}v${side}M${-side / 2} 0h${side}` });
-    this.ground.replaceChildren(outline, axes);
-    const colour = colours(this.targets.map(({ kind }) => kind));
-    this.shapes.replaceChildren(...this.targets.map((target, i) => this.shape(target, i, colour.get(target.kind))));
+    this.ground.replaceChildren(outline, axes, ...pathsOf(this.marks).map((corners) => this.course(corners)));
+    this.colour = colours(this.marks.map(({ kind }) => kind));
+    this.shapes.replaceChildren(...this.marks.map((mark) => this.shapeOf(mark)));
     this.cross.setAttribute('transform', `translate(${this.cursor[0]} ${-this.cursor[1]})`);
-    const line = ([i, { found, allowed }]) =>
-      el('li', {}, el('strong', {}, `Target ${i + 1}: `), inWords(`expected ${allowed}, found ${found}`));
-    setChildren(this.says, [...this.faults].sort(([a], [b]) => a - b).map(line));
+    const about = ({ mark, path }) => (mark ? `${NAMES[mark.use]} ${this.numberOf(mark)}` : inWords(path, this.job));
+    const says = ({ found, allowed }) => (allowed ? inWords(`: expected ${allowed}, found ${found}`, this.job) : '');
+    setChildren(this.says, this.faults.map((fault) => el('li', {}, el('strong', {}, about(fault)), says(fault))));
   }
 
-  /** A target as the part that comes there; red where there is a fault. */
-  shape({ kind, at: [x, y] }, index, colour) {
-    const number = svg('text', { x, y: -y, 'text-anchor': 'middle', dy: '0.35em' }, String(index + 1));
-    const kindOfMark = `mark-drawn ${colour} ${this.faults.has(index) ? 'faulty' : ''}`;
-    return svg('g', { class: kindOfMark }, svg('circle', { cx: x, cy: -y, r: this.radiusOf(kind) }), number);
+  numberOf({ use, path, at }) {
+    if (use === 'path') return 1 + pathsOf(this.marks).findIndex(([first]) => first.path === path);
+    return 1 + this.marks.filter((mark) => mark.use === use).findIndex((mark) => mark.at === at);
+  }
+
+  /** A closed path: a circle about its centre, or from corner to corner. */
+  course([{ at: [x, y], radius }, ...more]) {
+    if (radius) return svg('circle', { class: 'course', cx: x, cy: -y, r: radius });
+    return svg('path', { class: 'course', d: `M${[[x, y], ...more.map(({ at }) => at)].map((at) => `${at[0]} ${-at[1]}`).join('L')}Z` });
+  }
+
+  /** A target or a start as the part there, a corner as a dot; red where there is a fault. */
+  shapeOf(mark) {
+    const [x, y] = mark.at;
+    const name = `${mark.use === 'start' ? 'S' : ''}${this.numberOf(mark)}`;
+    const number = svg('text', { x, y: -y, 'text-anchor': 'middle', dy: '0.35em' }, name);
+    const faulty = this.faults.some((fault) => fault.mark === mark) ? 'faulty' : '';
+    const circle = svg('circle', { cx: x, cy: -y, r: this.radiusOf(mark) });
+    return svg('g', { class: `mark-drawn ${mark.use} ${this.colour.get(mark.kind)} ${faulty}` }, circle, number);
   }
 }

@@ -54,25 +54,3 @@ export function lineOf(text, { position, path }, found = places(text)) {
   const above = [...found.keys()].filter(isAbove).sort((a, b) => b.length - a.length);
   return lineAt(text, found.get(above[0] ?? '$')?.start ?? 0);
 }
-
-/** The text with its top-level member `name` set to the string `value`, or without it where `value` is empty. */
-export function withMember(text, name, value) {
-  const found = places(text);
-  const root = found.get('$');
-  const there = found.get(name);
-  if (!root || text[root.value] !== '{') return text;
-  const quoted = JSON.stringify(value);
-  if (there && value) return text.slice(0, there.value) + quoted + text.slice(there.end);
-  if (there) return without(text, there);
-  if (!value) return text;
-  const [begin, rest] = [text.slice(0, root.value + 1), text.slice(root.value + 1)];
-  const gap = /^\s*/.exec(rest)[0];
-  return `${begin}${gap}"${name}": ${quoted}${rest.trim() === '}' ? '' : ','}${rest}`;
-}
-
-/** Takes a member away with the comma after it or, where there is none, the one before it. */
-function without(text, { start, end }) {
-  const after = /^\s*,\s*/.exec(text.slice(end));
-  if (after) return text.slice(0, start) + text.slice(end + after[0].length);
-  return text.slice(0, start).replace(/,?\s*$/, '') + text.slice(end);
-}

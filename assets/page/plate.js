@@ -52,22 +52,17 @@ export class PlateCard {
   build(stop) {
     const { name } = this;
     const text = (tag, kind, label) => el(tag, label ? { class: kind, 'aria-label': `${label} ${name}` } : { class: kind });
-    this.state = text('span', 'state');
-    this.age = text('p', 'age');
+    [this.state, this.phase, this.share] = ['state', 'phase', 'share'].map((kind) => text('span', kind));
+    [this.age, this.why, this.remedy, this.standing, this.facts] =
+      ['age', 'plate-why', 'remedy', 'standing', 'facts'].map((kind) => text('p', kind));
     this.legend = text('ul', 'legend', 'Kinds on');
-    this.why = text('p', 'plate-why');
-    this.remedy = text('p', 'remedy');
     this.findings = text('ul', 'findings', 'Findings on');
+    this.queue = text('ol', 'queue');
     this.job = button('', () => this.open(this.plate.job), { class: 'link job-name' });
-    this.phase = text('span', 'phase');
     this.bar = el('progress', { max: 1, 'aria-label': `Progress on ${name}` });
-    this.share = text('span', 'share');
     this.barBox = el('div', { class: 'bar' }, this.bar, this.share);
     this.doing = el('div', { class: 'doing' }, this.job, this.phase, this.barBox);
     this.last = new LastJob((id) => this.open(id));
-    this.standing = text('p', 'standing');
-    this.queue = text('ol', 'queue');
-    this.facts = text('p', 'facts');
     this.says = el('p', { class: 'why', role: 'alert' });
     this.resume = button('Resume', () => this.ask(ofPlate(name, '/resume')), { class: 'go' });
     this.cancel = this.cancelOf(null);

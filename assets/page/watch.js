@@ -2,8 +2,10 @@
 
 import { button, el, setText } from './dom.js';
 import { watch } from './events.js';
+import { counted, inWords } from './words.js';
 
 const LINES = 200;
+const COUNTS = ['cycles', 'pulses', 'collisions', 'lost parts'];
 
 export class Watched {
   /** `changed()` is called when the job's state did, `close()` when it is no longer to be watched, and
@@ -39,7 +41,7 @@ export class Watched {
       seed: String(job.seed),
       pace: job.pace === 'max' ? 'as fast as it can' : 'real time',
       recording: job.recording,
-      reason: job.reason || undefined,
+      reason: inWords(job.reason) || undefined,
       'what to do': todo(job, report.stop),
       guards: guards(report.guards),
       'worst error': number('max_error_mm', ' mm'),
@@ -49,10 +51,7 @@ export class Watched {
       'plate time': number('plate_time_s', ' s', 1),
       'wall time': number('wall_time_s', ' s', 1),
       'behind real time': report.behind_s > 0 ? number('behind_s', ' s', 1) : undefined,
-      cycles: number('cycles', '', 0),
-      pulses: number('pulses', '', 0),
-      collisions: number('collisions', '', 0),
-      'lost parts': number('lost_parts', '', 0),
+      ...Object.fromEntries(COUNTS.map((what) => [what, number(what.replace(' ', '_'), '', 0)])),
     };
     const shown = Object.entries(rows).filter(([, value]) => value !== undefined);
     const text = JSON.stringify(shown);
@@ -84,7 +83,7 @@ export class Watched {
     // replaced after about a period; after a pulse the plate comes to rest for longer
     const moves = (at - from) * hertz < 1.5;
     const speed = moves && went !== null ? `, ${(went * hertz).toFixed(0)} mm/s at most` : '';
-    const how = moves ? 'without a pause' : `${pulses} ${pulses === 1 ? 'pulse' : 'pulses'}`;
+    const how = moves ? 'without a pause' : counted(pulses, 'pulse', 'pulses');
     const worst = left === null ? '' : `, largest distance to target ${left.toFixed(2)} mm`;
     setText(this.cycle, `Cycle ${cycle} at ${at.toFixed(1)} s: ${how}${worst}${speed}`);
     this.foresee(this.job.plate, moves && predicted.length ? predicted.map((end, i) => [observed[i], end]) : []);

@@ -11,6 +11,9 @@ const OTHERS: [f64; 4] = [5.0, 105.0, 145.0, 285.0];
 /// Share of the hues that parts use; the rest separates the kinds.
 const USED: f64 = 0.8;
 
+/// Farthest hue of a part from that of its kind where there are several, degrees: parts look like their bin.
+const FARTHEST_DEG: f64 = 45.0;
+
 /// Least share of the gap between the hues of two neighbouring kinds that each of them gets.
 const LEAST_SHARE: f64 = 0.25;
 
@@ -126,7 +129,7 @@ fn middle_of_largest_gap(hues: &mut [f64]) -> f64 {
 }
 
 /// Range of hues of each kind of `parts`, degrees, from and to: a share of the way to the next hue on either side that
-/// grows with the number of its parts, reduced to [`USED`]. A single kind has all hues.
+/// grows with the number of its parts, reduced to [`USED`], up to [`FARTHEST_DEG`]. A single kind has all hues.
 fn ranges<'a>(hues: &BTreeMap<&'a str, f64>, parts: &[&str]) -> Vec<(&'a str, [f64; 2])> {
     let mut sorted: Vec<(&str, f64)> = hues.iter().map(|(&kind, &hue)| (kind, hue.rem_euclid(360.0))).collect();
     sorted.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -141,7 +144,7 @@ fn ranges<'a>(hues: &BTreeMap<&'a str, f64>, parts: &[&str]) -> Vec<(&'a str, [f
         let ((kind, hue), before, after) = (sorted[i], sorted[(i + count - 1) % count], sorted[(i + 1) % count]);
         let back = USED * share(kind, before.0) * (hue - before.1).rem_euclid(360.0);
         let ahead = USED * share(kind, after.0) * (after.1 - hue).rem_euclid(360.0);
-        (kind, [hue - back, hue + ahead])
+        (kind, [hue - back.min(FARTHEST_DEG), hue + ahead.min(FARTHEST_DEG)])
     };
     (0..count).map(range).collect()
 }
@@ -236,7 +239,7 @@ mod tests {
             let all = ranges(&hues_of(&kinds), &kinds);
             for (i, (kind, [_, to])) in all.iter().enumerate().filter(|_| all.len() > 1) {
                 let (next, [from, _]) = all[(i + 1) % all.len()];
-                prop_assert!((from - to).rem_euclid(360.0) < 120.0, "{kind} overlaps {next}");
+                prop_assert!((from - to).rem_euclid(360.0) < 360.0 - 2.0 * FARTHEST_DEG, "{kind} overlaps {next}");
             }
         }
     }

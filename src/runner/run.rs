@@ -61,7 +61,9 @@ use paced::{PaceClock, RealTimeRig};
 pub use calibrate::{calibrate, calibration_params};
 pub use controls::{ExternalStop, RunControls};
 pub use coverage::{Coverage, CoverageHole, PlaceReach};
-pub use dry_run::{ClosestApproach, DryRun, DryRunRecord, Forecast, PartForecast, dry_run};
+pub use dry_run::{
+    ClosestApproach, DryRun, DryRunRecord, DryRuns, Forecast, ForecastSummary, PartForecast, PlanVerdict, dry_run,
+};
 pub use error::RunError;
 pub use folder::RunFolder;
 pub use in_memory::InMemoryRun;

@@ -10,6 +10,7 @@
 //! ```
 
 mod current_job;
+mod dry_runs;
 mod emergency_stop;
 mod job_rules;
 mod latch;
@@ -23,6 +24,8 @@ mod types;
 mod watchdog;
 mod worker;
 
+pub use dry_runs::DryRunState;
+pub(crate) use dry_runs::{DryRunError, DryRunSlot};
 pub use plate::PlateHandle;
 pub use start::PlateSupervisor;
 pub(crate) use types::ResetError;

@@ -14,7 +14,7 @@ const OPERATE: &str = "operate-0123456789abcdef0123456789abcdef";
 const READ: &str = "readonly-0123456789abcdef0123456789abcdef";
 
 /// Method, path and required token: none, one to read, or one to operate.
-const ROUTES: [(&str, &str, Needs); 19] = [
+const ROUTES: [(&str, &str, Needs); 20] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/readyz", Needs::Nothing),
     ("GET", "/", Needs::Nothing),
@@ -30,6 +30,7 @@ const ROUTES: [(&str, &str, Needs); 19] = [
     ("POST", "/v1/plates/nowhere/estop", Needs::Read),
     ("POST", "/v1/jobs", Needs::Operate),
     ("POST", "/v1/check", Needs::Operate),
+    ("POST", "/v1/dry-run", Needs::Operate),
     ("POST", "/v1/jobs/ID/run-next", Needs::Operate),
     ("POST", "/v1/jobs/ID/cancel", Needs::Operate),
     ("DELETE", "/v1/jobs/ID", Needs::Operate),
@@ -66,7 +67,6 @@ fn guarded() -> TestDaemon {
 #[test]
 fn every_route_asks_for_its_token() {
     let served = guarded();
-    let id = "0".repeat(32);
     let cut = OPERATE[..OPERATE.len() - 1].to_owned();
     let shown: [(Option<String>, Needs); 6] = [
         (None, Needs::Nothing),
@@ -77,7 +77,7 @@ fn every_route_asks_for_its_token() {
         (Some(format!("Bearer {OPERATE}")), Needs::Operate),
     ];
     for (method, path, needs) in ROUTES {
-        let path = path.replace("ID", &id);
+        let path = path.replace("ID", &"0".repeat(32));
         for (token, may) in &shown {
             let mut headers = vec![("Content-Type", "application/json")];
             headers.extend(token.as_ref().map(|token| ("Authorization", token.as_str())));

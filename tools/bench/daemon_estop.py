@@ -3,12 +3,10 @@
 
 usage: daemon_estop.py [--stops 10000] [--watchers 64] [--rate 200] [--upm target/debug/upm]
 
-Three plates run a plus sign in real time beside the traffic of daemon_load.py (64 event clients, 200 requests a second).
-Each plate in turn: a job comes into motion, is stopped at a random moment, the answer is checked, the plate is reset and
-resumed, and the next job starts. A job that the watchdog ends first, since a machine that is shared stood still, is counted
-apart, and the plate resumed. Plate time and wall time of a stop are from the daemon's answer, the client's time is
-from the request sent to the answer received. Stops that met a plate at rest are counted apart: there was nothing to
-stop. Exit status 1 when a bar is missed.
+Three plates run a plus sign in real time beside the traffic of daemon_load.py. Each plate in turn: a job comes into motion, is
+stopped at a random moment, the answer is checked, the plate is reset and resumed. Jobs that the watchdog ends first, since a
+shared machine stood still, and stops that met a plate at rest are counted apart. Plate time and wall time of a stop are from
+the daemon's answer, the client's time is from request to answer. Exit status 1 when a bar is missed.
 """
 import asyncio
 import json

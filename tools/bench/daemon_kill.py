@@ -3,10 +3,9 @@
 
 usage: daemon_kill.py [--rounds 200] [--upm target/debug/upm]
 
-Three plates run long jobs and short ones. Every other round is under camera load: real time, four clients that fetch
-frame.png without a pause; the others run as fast as the machine can. Jobs are submitted with idempotency keys until
-the kill, and cancelled at times. One round in four kills the next daemon within 0.3 s of its start, again and again, while
-it puts things in order; one in ten makes an emergency stop first. After each restart:
+Three plates run long jobs and short ones, submitted with idempotency keys until the kill, some cancelled. Every other round is
+in real time with four clients that fetch frame.png without a pause. One round in four kills the next daemon within 0.3 s of its
+start, again and again; one in ten makes an emergency stop first. After each restart:
 
   jobs        every acknowledged one is there; one without an answer is there or is not, and its key tells which
   states      what had ended is unchanged, nothing is running, what had begun did not begin again: one run folder, one

@@ -4,8 +4,7 @@
 usage: daemon_load.py [--minutes 10] [--watchers 64] [--rate 200] [--upm target/debug/upm]
 
 One plate runs `configs/plus-sign.json` without end. 64 clients read its events, break off at times and resume. 200 requests
-a second go to jobs, plates, health and metrics, one in ten a POST: jobs for another plate, which is paused, are submitted
-and cancelled. Event clients are one process at niceness 10, requests another at niceness 5, each with one asyncio loop; a
+a second go to jobs, plates, health and metrics, one in ten a POST: jobs for a paused plate are submitted and cancelled. A
 request is measured from the first byte sent to the last one received. Says how much time the host of a virtual machine took
 from the cores: frames are late then, too. Exit status 1 when a bar is missed.
 """

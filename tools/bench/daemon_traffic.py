@@ -1,5 +1,4 @@
-"""Asynchronous clients of a daemon, and traffic on it: clients that watch the events of running jobs, and a steady rate of
-requests.
+"""Traffic on a daemon: clients that watch the events of running jobs, and a steady rate of requests.
 
 Each of the two is one process with one asyncio loop on raw sockets with keep-alive. Both are niced, so that they take no time
 from the plates, and apart, so that a burst of events to 64 clients is not counted as the time that a request took.

@@ -4,18 +4,16 @@
 usage: loop_speed.py [--pairs 5] [--rig upm-1] [--upm target/debug/upm]
 
 Runs the plus-sign job with recording off and on in turn, prints each pair and the medians. The ratio of a pair is the
-figure to quote; single times wander with the machine. Also prints the size of one lap's recording and how long
-`upm --version` takes as a whole process.
+figure to quote; single times wander with the machine. Also prints the size of one lap's recording.
 """
 import json
 import pathlib
 import statistics
 import sys
 import tempfile
-import time
 
 sys.path.append(str(pathlib.Path(__file__).resolve().parents[1]))
-from common import ROOT, config, output_of, parser_of, report_of, speed_of, table  # noqa: E402
+from common import ROOT, config, parser_of, report_of, speed_of, table  # noqa: E402
 
 
 def main():
@@ -30,11 +28,6 @@ def main():
             rows.append((off["plate_time_s"], speed_of(off), speed_of(on), on["wall_time_s"] / off["wall_time_s"]))
         megabytes = max(file.stat().st_size for file in pathlib.Path(folder).glob("*/run.rrd")) / 1e6
 
-    starts_ms = []
-    for _ in range(20):
-        begin = time.perf_counter()
-        output_of([args.upm, "--version"])
-        starts_ms.append(1e3 * (time.perf_counter() - begin))
     shown = [[f"{value:.3g}" for value in row] for row in rows]
     print("\n".join(table(("plate s", "off: times", "on: times", "on/off"), shown)))
     _, off, on, cost = (statistics.median(column) for column in zip(*rows))
@@ -42,7 +35,6 @@ def main():
     print(f"loop, recording on  {on:.1f} times plate time (median)")
     print(f"recording costs     {100 * (cost - 1):.1f} % (median of pairs)")
     print(f"recording           {megabytes:.1f} MB for one lap")
-    print(f"upm --version       {statistics.median(starts_ms):.1f} ms median, {max(starts_ms):.1f} ms worst of 20")
 
 
 if __name__ == "__main__":

@@ -4,12 +4,10 @@
 usage: many_coins.py [--seeds 20] [--jobs 2] [--only NAME ...] [--planner synthesized_field] [--spread 0.1] [--alone 5]
                      [--compare 10] [--compare-limit 120] [--plot many_coins.svg] [--upm target/debug/upm]
 
-Every run is the whole loop on upm-2: each frame at 60/s rendered and looked at, parts' friction spread by --spread (its
-relative standard deviation), starts at random. Targets of the arrange jobs, starts of swap-2 and ring-6 are drawn by the
-seed. The dense jobs (row-6-22 and so on) run when they are named. Prints a line a run, then three tables:
+Every run is the whole loop on upm-2 with rendered frames, friction spread by --spread (relative standard deviation), starts at
+random; seeds draw targets, too. Dense jobs (row-6-22 and so on) run when they are named. Prints a line a run, then tables:
 
-  jobs        --seeds runs of each job, --jobs at once, and the bars that they miss. Prediction errors and speed are medians
-              over the runs; speed is that of --jobs runs at once.
+  jobs        --seeds runs of each job, --jobs at once, and the bars that they miss; errors of predictions and speed are medians
   alone       --alone runs of arrange-8 and arrange-16 one at a time on one core: planning times, with the p99 over the cycles
               of all runs, and speed; of one job with recording, too, rotations on all cores.
   comparison  --compare runs of the arrange jobs with each of the other planners, from the same starts to the same targets; a

@@ -3,10 +3,9 @@
 
 usage: without_pixels.py [--seeds 200] [--jobs sort-8 arrange-8 ...] [--upm target/debug/upm]
 
-Runs each job of configs/ with the seeds 1 to --seeds, once with `--camera positions` and once with `--camera pixels`.
-Prints a line a job and camera: runs that completed, median plate time, and plate time over wall time of one run on its
-core (median); then how much longer a run without pixels takes than the run with pixels of the same seed: mean of the
-logarithms of the ratio with its standard error.
+Runs each job of configs/ with the seeds 1 to --seeds, with `--camera positions` and with `--camera pixels`. Prints runs that
+completed, median plate time and speed of each; then how much longer a run without pixels takes than that with pixels of the
+same seed: mean of the logarithms of the ratio with its standard error.
 
 Exit status 1 when that mean is beyond 5 % by more than twice its error, or when more than 2.5 % of the runs lie between
 the successes.

@@ -1,8 +1,7 @@
 """The judge of a run: the rules O1 to O9 over `effective.json`, `journal.jsonl`, `report.json` and `truth.jsonl`.
 
-Shares no code with the program that it judges. O1 is in claims.py, O2 in detection.py and actuators.py, O4 in progress.py.
-O7, the plate pauses after a guard's stop, needs a daemon and is judged in pausing.py; O9's next job and O10's repetition are
-runs of their own, see campaign.py.
+Shares no code with the program that it judges. O1 is in claims.py, O2 in detection.py and actuators.py, O4 in progress.py, O7
+in pausing.py; O9's next job and O10's repetition are runs of their own, see campaign.py.
 """
 import bisect
 import json

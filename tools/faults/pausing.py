@@ -1,10 +1,8 @@
 """O7, O9 and O10 in a daemon: the state in which the end of a job, or an emergency stop, leaves its plate.
 
 The contract is that of docs/faults.md: every end by a guard or the time limit pauses the plate, which tells the cause and
-the remedy; the next job is not taken up until a person resumes the plate. The rules share no code with the program.
-
-The plate of the HTTP API tells the cause in `pause`: null while it is not paused, else `code` (that of the job's `stop`
-where a job's end paused it) and `remedy`, a sentence on what to check.
+the remedy (`pause`: null while it is not paused); the next job is not taken up until a person resumes the plate. The rules
+share no code with the program.
 """
 from dataclasses import dataclass, field
 

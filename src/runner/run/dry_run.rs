@@ -2,8 +2,10 @@
 //! runs, which are runs without pixels.
 
 mod runs;
+mod verdict;
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use super::coverage::PlaceReach;
 use super::planner_selection::PlannerSelection;
@@ -21,6 +23,7 @@ use upm_planning::task::PathParams;
 use runs::at_the_same_time;
 
 pub use runs::{ClosestApproach, DryRun, DryRunRecord};
+pub use verdict::{DryRuns, ForecastSummary, PlanVerdict};
 
 /// Speed beyond any that a part can hold, m/s.
 const FASTEST_MPS: f64 = 1.0;
@@ -42,7 +45,7 @@ pub struct Forecast {
     /// tasks and where that dry run does not complete.
     pub speed_mps: Option<[f64; 2]>,
     /// The dry runs, each with another seed; the first with the job's.
-    pub dry_runs: Vec<DryRun>,
+    pub dry_runs: DryRuns,
 }
 
 /// A part of a job and the reach of the library at its places.
@@ -59,10 +62,12 @@ pub struct PartForecast {
 }
 
 /// Makes dry runs of `job` with `library` on all cores; `watch` receives the plate time
-/// in one of them and the share of all that is done, 0 to 1. `Err` if the parts find no places.
+/// in one of them and the share of all that is done, 0 to 1. All end early once `stop` is set. `Err` if the parts find
+/// no places.
 pub fn dry_run(
     job: &JobSpec,
     library: &Arc<Library>,
+    stop: &AtomicBool,
     watch: &mut dyn FnMut(PlateTime, f64),
 ) -> Result<Forecast, Diagnostic> {
     // nothing is played on the rig of this setup
@@ -76,7 +81,7 @@ pub fn dry_run(
     // the dry runs begin at the same time: what their planners share is computed before, once
     let fields = by_fields.then(|| FieldPlanner::new(library, params.planner)).flatten();
     let _rotations = (!by_fields).then(|| RotationPlanner::new(Arc::clone(library), params.planner));
-    let mut dry_runs = at_the_same_time(&jobs, library, watch)?;
+    let mut dry_runs = at_the_same_time(&jobs, library, stop, watch)?;
     let speed_mps = fast.and_then(|(_, asked_mps, longest_m)| {
         let run = dry_runs.pop()?;
         let [begun, ended] = run.record.advanced;
@@ -100,7 +105,7 @@ pub fn dry_run(
         },
         fields: fields.is_some(),
         speed_mps,
-        dry_runs,
+        dry_runs: DryRuns(dry_runs),
     })
 }
 

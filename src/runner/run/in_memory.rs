@@ -67,9 +67,13 @@ impl<'a> InMemoryRun<'a> {
 
     /// As [`Self::run`]; `watcher` receives all facts.
     pub fn run_watched(self, watcher: &mut dyn Sink) -> Report {
+        self.run_until(&AtomicBool::new(false), watcher)
+    }
+
+    /// As [`Self::run_watched`], and ends after the next frame once `stop` is set.
+    pub(super) fn run_until(self, stop: &AtomicBool, watcher: &mut dyn Sink) -> Report {
         let play = |setup: &mut RunSetup, library: &_, sinks: &mut Fanout<'_>| {
-            let never = AtomicBool::new(false);
-            setup.play(library, None, sinks, &StoppedClock, &never, &never)
+            setup.play(library, None, sinks, &StoppedClock, stop, &AtomicBool::new(false))
         };
         self.finish(|rig| rig, play, watcher).0
     }

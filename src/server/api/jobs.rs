@@ -11,6 +11,7 @@ use super::state::{DaemonState, audit_entry, conflict, no_job};
 use crate::http::Problem;
 use crate::states::JobState;
 use crate::store::{AuditEntry, Job, JobId};
+use crate::supervisor::DryRunState;
 use upm_core::job::Pace;
 use upm_core::units::whole;
 use upm_runner::config::{JobFile, JobLayout};
@@ -94,6 +95,10 @@ pub(super) async fn submit(
 
 pub(super) async fn check(State(api): ApiState, body: JsonBody<JobFile>) -> Answer<Checked> {
     Ok(Json(api.blocking(move |daemon, _| daemon.check(&body.text)).await?))
+}
+
+pub(super) async fn dry_run(State(api): ApiState, body: JsonBody<JobFile>) -> Answer<DryRunState> {
+    Ok(Json(api.blocking(move |daemon, _| daemon.dry_run(&body.text)).await?))
 }
 
 pub(super) async fn list(State(api): ApiState, FromQuery(query): FromQuery<JobsQuery>) -> Answer<JobsPage> {

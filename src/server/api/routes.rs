@@ -65,6 +65,8 @@ fn read() -> Routes {
 fn operate() -> Routes {
     let submit = "Queue a job: 201 once it is on the disk, with its address in `Location`; \
                   `Idempotency-Replayed: true` when it had been queued before, under the same key";
+    let dry_run = "Make dry runs of a job without queueing it: starts them, or tells how far they are. Asked again until \
+                   there is a forecast; of a job whose client no longer asks they may be given up";
     let delete = "Delete a queued or ended job and its run folder";
     let run_next = "Run a queued job before the others";
     let cancel = "Take a job out of the queue, or stop it";
@@ -82,6 +84,7 @@ fn operate() -> Routes {
                 operation
             }),
         )
+        .api_route("/v1/dry-run", post_with(jobs::dry_run, named("dry-run", dry_run)))
         .api_route("/v1/check", post_with(jobs::check, named("check", "Check a job without queueing it")))
         .api_route("/v1/jobs/{id}", delete_with(jobs::delete, named("delete", delete)))
         .api_route("/v1/jobs/{id}/run-next", post_with(jobs::run_next, named("run-next", run_next)))

@@ -13,7 +13,7 @@ use tokio_util::sync::CancellationToken;
 use super::health::Observed;
 use crate::http::{BLOCKING_THREADS, Caller, Confirmations, Problem, Tokens};
 use crate::store::{AuditEntry, Job, JobId, JobRow, JobState, Store, StoreError};
-use crate::supervisor::{Plate, PlateHandle, PlateSupervisor, ResetError};
+use crate::supervisor::{DryRunSlot, Plate, PlateHandle, PlateSupervisor, ResetError};
 use upm_core::files::free_bytes;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_runner::config::DaemonSpec;
@@ -33,6 +33,7 @@ pub(crate) struct DaemonState {
     pub ending: CancellationToken,
     counted: Mutex<Counted>,
     pub confirmations: Confirmations,
+    pub dry_runs: DryRunSlot,
     /// Places for work that waits for the disk. Threads remain for files that are being sent.
     places: Arc<Semaphore>,
     /// Places for event streams.
@@ -87,6 +88,7 @@ impl DaemonState {
             ending: CancellationToken::new(),
             counted,
             confirmations: Confirmations::start()?,
+            dry_runs: DryRunSlot::default(),
             places: Arc::new(Semaphore::new(BLOCKING_THREADS - 2)),
             event_streams: Arc::new(Semaphore::new(EVENT_STREAMS)),
             version,

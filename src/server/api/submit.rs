@@ -9,8 +9,9 @@ use super::jobs::Checked;
 use super::state::{DaemonState, conflict, unheard};
 use crate::http::Problem;
 use crate::store::{Job, Pace, SubmitOutcome, low_disk};
-use crate::supervisor::PlateHandle;
+use crate::supervisor::{DryRunError, DryRunState, PlateHandle};
 use upm_core::files::free_bytes;
+use upm_core::time::Clock;
 use upm_runner::config::{Diagnostic, JobLayout, PlateSpec, RigFile};
 
 /// `Retry-After` for a full queue, s. A guess, chosen to keep retries cheap.
@@ -60,6 +61,18 @@ impl DaemonState {
         let plate = self.plate_of(text)?;
         let job = plate.rules.checked(text).map_err(|faults| self.refused(text, faults))?;
         Ok(Checked { name: job.name.clone(), plate: plate.name().to_owned(), layout: JobLayout::of(&job) })
+    }
+
+    /// Starts dry runs of a job, checked as for queueing, or tells how far they are. Takes milliseconds.
+    pub(super) fn dry_run(&self, text: &str) -> Result<DryRunState, Problem> {
+        let rules = &self.plate_of(text)?.rules;
+        let job = rules.checked(text).map_err(|faults| self.refused(text, faults))?;
+        let state = self.dry_runs.ask((text, job), &rules.library, self.clock.elapsed());
+        state.map_err(|error| match error {
+            DryRunError::Busy => Problem::busy("dry runs of another job go on", 2),
+            DryRunError::Refused(fault) => Problem::of_document(vec![fault]),
+            DryRunError::Failed => Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "internal error"),
+        })
     }
 
     /// The plate that a job names. A job that names none goes to the default plate, or, when it brings a rig, to one

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use parking_lot::Mutex;
 
-use re_sdk_types::blueprint::archetypes::{PlotLegend, TextLogColumns, VisibleTimeRanges, VisualBounds2D};
-use re_sdk_types::blueprint::components::{Corner2D, PanelState, VisibleTimeRange};
+use re_sdk_types::blueprint::archetypes::{PlotLegend, TextLogColumns, TimeAxis, VisibleTimeRanges, VisualBounds2D};
+use re_sdk_types::blueprint::components::{Corner2D, LinkAxis, PanelState, VisibleTimeRange};
 use re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
 use re_sdk_types::datatypes;
 use rerun::blueprint::{
@@ -25,20 +25,20 @@ use super::table::reach_mm;
 use crate::types::RunContext;
 use upm_planning::planner::PlanningMethod;
 
-/// Seconds before and after the cursor that the plots of fast signals show.
-const MOTOR_SPAN_S: [f64; 2] = [-0.3, 0.7];
-const TRACE_SPAN_S: [f64; 2] = [-0.1, 0.3];
+/// Seconds before and after the cursor that the plots of fast signals show. All other plots share one time axis.
+const SIGNAL_SPAN_S: [f64; 2] = [-0.1, 0.3];
 
-/// Titles of views on two pages.
+/// Views on two pages, each with its title and its entity.
 const MOTORS: &str = "Motors, counts";
-const TO_TARGET: &str = "Distance to target, mm";
+const TO_TARGET: (&str, &str) = ("Distance to target, mm", "errors/to_target_mm");
+const FROM_PATH: (&str, &str) = ("Distance from the path, mm", "errors/cross_track_mm");
 
 /// Views of the page of errors, each with its title and its entity.
 const ERRORS: [(&str, &str); 10] = [
-    (TO_TARGET, "errors/to_target_mm"),
+    TO_TARGET,
     ("Distance to subgoal after the cycle, mm", "errors/to_subgoal_mm"),
     ("Measured against predicted, mm", "errors/of_prediction_mm"),
-    ("Distance from the path, mm", CROSS_TRACK),
+    FROM_PATH,
     ("Measured against true, mm", "errors/sensing_mm"),
     ("Sum of |d| in a cycle, mm", TOTAL),
     ("Speed, mm/s", SPEED),
@@ -46,7 +46,6 @@ const ERRORS: [(&str, &str); 10] = [
     ("Planning, µs", "timing/plan_us"),
     ("Whole cycle, µs", "timing/cycle_us"),
 ];
-const CROSS_TRACK: &str = "errors/cross_track_mm";
 const TOTAL: &str = "plan/total_mm";
 
 /// Sends the layout into `stream`.
@@ -89,13 +88,14 @@ fn pages(layout: &mut ViewLayout, context: &RunContext) -> Vec<ContainerLike> {
 
 fn run(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
     let [width, height] = context.model.frame_size_px.map(|side| side as f64 / 2.0);
-    let camera = layout.bounded("Camera", "camera", [0.0, width], [0.0, height]);
+    let camera = layout.bounded("Camera as each cycle starts", "camera", [0.0, width], [0.0, height]);
     let table = layout.bounded("Table from above, mm", "table", reach_mm(context), reach_mm(context));
     let above = Horizontal::new([camera, table]).with_column_shares([1.25, 1.0]);
+    let (title, errors) = if context.paths.is_empty() { TO_TARGET } else { FROM_PATH };
     let below = Horizontal::new([
-        layout.plot(MOTORS, "motors", Some(MOTOR_SPAN_S)),
+        layout.plot(MOTORS, "motors", Some(SIGNAL_SPAN_S)),
         plan(layout, context.method),
-        layout.plot(TO_TARGET, "errors/to_target_mm", None),
+        layout.plot(title, errors, None),
         layout.log(),
     ]);
     let below = below.with_column_shares([0.95, 0.8, 0.95, 1.3]);
@@ -113,9 +113,9 @@ fn plan(layout: &mut ViewLayout, method: PlanningMethod) -> ContainerLike {
 
 fn signals(layout: &mut ViewLayout) -> ContainerLike {
     let views = [
-        layout.plot(MOTORS, "motors", Some(MOTOR_SPAN_S)),
-        layout.plot("Accelerometer 1, m/s²", "accelerometers/1", Some(TRACE_SPAN_S)),
-        layout.plot("Accelerometer 2, m/s²", "accelerometers/2", Some(TRACE_SPAN_S)),
+        layout.plot(MOTORS, "motors", Some(SIGNAL_SPAN_S)),
+        layout.plot("Accelerometer 1, m/s²", "accelerometers/1", Some(SIGNAL_SPAN_S)),
+        layout.plot("Accelerometer 2, m/s²", "accelerometers/2", Some(SIGNAL_SPAN_S)),
     ];
     Vertical::new(views).with_name("Signals").into()
 }
@@ -125,7 +125,7 @@ fn errors(layout: &mut ViewLayout, context: &RunContext) -> ContainerLike {
     let shown = |path: &str| match path {
         TOTAL => !matches!(context.method, PlanningMethod::SynthesizedField | PlanningMethod::MovingField),
         SPEED => context.method == PlanningMethod::MovingField,
-        CROSS_TRACK => !context.paths.is_empty(),
+        path if path == FROM_PATH.1 => !context.paths.is_empty(),
         _ => true,
     };
     let shown = ERRORS.into_iter().filter(|(_, path)| shown(path));
@@ -157,6 +157,8 @@ impl ViewLayout {
             let range = datatypes::TimeRange { start, end };
             let range = VisibleTimeRange(datatypes::VisibleTimeRange { timeline: PLATE_TIME.into(), range });
             self.set(&view, "VisibleTimeRanges", &VisibleTimeRanges::new([range]));
+        } else {
+            self.set(&view, "TimeAxis", &TimeAxis::new().with_link(LinkAxis::LinkToGlobal));
         }
         view
     }

@@ -18,11 +18,11 @@ pub(super) struct LogView {
 impl LogView {
     pub(super) fn localised(&self, stream: &RunStream, table: &Table, found: usize, context: &RunContext) -> LogResult {
         let text = format!(
-            "found the table, side {:.1} px, turned by {:.2}°, and {} of {} parts",
+            "{} of {} parts and the table found, side {:.1} px, turned by {:.2}°",
+            found,
+            context.parts.len(),
             table.side_px,
             table.rotation_rad.to_degrees(),
-            found,
-            context.parts.len()
         );
         log_line(stream, TextLogLevel::INFO, text)
     }
@@ -35,12 +35,12 @@ impl LogView {
         let (level, plan) = match &cycle.plan.status {
             PlanStatus::Solved => (TextLogLevel::DEBUG, counted(cycle.plan.pulses.len(), "pulse")),
             PlanStatus::NothingToDo => (TextLogLevel::DEBUG, "nothing to do".to_owned()),
-            PlanStatus::Infeasible(limit) => (TextLogLevel::WARN, format!("no plan: {limit:?}")),
-            PlanStatus::SolverFailed(reason) => (TextLogLevel::WARN, format!("no plan: {reason}")),
+            PlanStatus::Infeasible(limit) => (TextLogLevel::WARN, format!("no plan ({limit:?})")),
+            PlanStatus::SolverFailed(reason) => (TextLogLevel::WARN, format!("no plan ({reason})")),
         };
         let errors = cycle.result_m.iter().zip(&cycle.wanted.subgoals_m).map(|(at, subgoal)| (at - subgoal).norm());
         let worst_mm = mm_from_m(errors.fold(0.0, f64::max));
-        log_line(stream, level, format!("cycle {}: {plan}; ends within {worst_mm:.2} mm of the subgoals", cycle.index))
+        log_line(stream, level, format!("{worst_mm:.2} mm from subgoals at most, {plan}, cycle {}", cycle.index))
     }
 
     pub(super) fn event(&self, stream: &RunStream, event: &EventFacts) -> LogResult {

@@ -172,7 +172,7 @@ fn recording_has_every_expected_entity() {
         chunks.flat_map(|chunk| chunk.timelines().keys().map(|t| t.to_string())).collect();
     assert_eq!(timelines, BTreeSet::from(["cycle".to_owned(), "plate_time".to_owned()]), "no wall clock");
     let properties = |name: &str| blueprint.entities().iter().filter(|p| p.to_string().ends_with(name)).count();
-    assert_eq!((properties("VisualBounds2D"), properties("VisibleTimeRanges")), (3, 4));
+    assert_eq!(["VisualBounds2D", "VisibleTimeRanges", "TimeAxis"].map(properties), [3, 4, 9]);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::panic::resume_unwind;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread;
 
@@ -101,10 +102,11 @@ impl Sink for DryRunRecord {
     }
 }
 
-/// Runs all `jobs`, each on its own thread; the results are in their order.
+/// Runs all `jobs`, each on its own thread, to the end or until `stop` is set; the results are in their order.
 pub(super) fn at_the_same_time(
     jobs: &[JobSpec],
     library: &Arc<Library>,
+    stop: &AtomicBool,
     watch: &mut dyn FnMut(PlateTime, f64),
 ) -> Result<Vec<DryRun>, Diagnostic> {
     let (sender, receiver) = sync_channel(WAITING);
@@ -115,7 +117,7 @@ pub(super) fn at_the_same_time(
                 let run = InMemoryRun::with_library(job, Arc::clone(library))?;
                 let radii_m = (0..run.params().parts.len()).map(|part| run.params().radius_m(part)).collect();
                 let mut record = DryRunRecord { radii_m, progress, ..DryRunRecord::default() };
-                let report = run.run_watched(&mut record);
+                let report = run.run_until(stop, &mut record);
                 record.progress = None;
                 Ok(DryRun { report, record })
             })

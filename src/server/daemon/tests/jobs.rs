@@ -143,6 +143,20 @@ fn checked_job_is_laid_out_and_not_queued() {
     let refused = api.post("/v1/check", &sort.replace("[50, 40.5]", "[-45, 40.5]"));
     assert_eq!((refused.status, &refused.json()["faults"][0]["path"]), (422, &"task.bins[0].region_mm".into()));
     assert_eq!(api.post("/v1/check", "{").status, 400);
+    let job = |reach: f64| {
+        let task = format!(r#"{{"type": "arrange", "targets_mm": [[{reach}, 0]]}}"#);
+        format!(r#"{{"plate": "upm-2", "name": "d", "parts": [{{"kind": "dime"}}], "task": {task}}}"#)
+    };
+    let (first, other) = (job(20.0), job(30.0));
+    let begun = api.post("/v1/dry-run", &first);
+    assert_eq!((begun.status, &begun.json()["forecast"]), (200, &serde_json::Value::Null));
+    assert_eq!(api.post("/v1/dry-run", &other).status, 503, "one at a time");
+    let told = || Some(api.post("/v1/dry-run", &first).json()["forecast"].clone()).filter(|told| !told.is_null());
+    let forecast = eventually("a forecast", told);
+    assert_eq!((&forecast["verdict"], &forecast["completed_of"][1]), (&"can_be_done".into(), &5.into()), "{forecast}");
+    assert!(forecast["plate_time_s"][0].as_f64() < forecast["plate_time_s"][2].as_f64(), "{forecast}");
+    assert_eq!(api.post("/v1/dry-run", &other).status, 200);
+    assert_eq!(api.post("/v1/dry-run", &sort.replace("[50, 40.5]", "[-45, 40.5]")).status, 422);
     assert_eq!(api.get("/v1/jobs").json()["jobs"], serde_json::json!([]));
 }
 

@@ -1,19 +1,18 @@
 //! Forecast of a job, as text and as JSON.
 
-use std::cmp::Reverse;
-use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value, json};
 
 use super::coverage::{degrees, place_json, shown, steps};
 use crate::cli::progress::LateProgress;
-use crate::cli::summary::{median, planner_line};
+use crate::cli::summary::planner_line;
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
 use upm_recording::{Report, rounded};
 use upm_runner::config::{Diagnostic, JobSpec};
-use upm_runner::run::{ClosestApproach, DryRun, Forecast, PartForecast, PlaceReach, dry_run};
+use upm_runner::run::{ClosestApproach, Forecast, PartForecast, PlaceReach, PlanVerdict, dry_run};
 
 pub(super) struct PlanReport<'a> {
     pub job: &'a JobSpec,
@@ -23,7 +22,7 @@ pub(super) struct PlanReport<'a> {
 impl<'a> PlanReport<'a> {
     /// Makes dry runs of `job` with `library`; shows progress on stderr if it takes long.
     pub fn of(job: &'a JobSpec, library: &Arc<Library>, progress: &mut LateProgress) -> Result<Self, Diagnostic> {
-        let forecast = dry_run(job, library, &mut |at, done| {
+        let forecast = dry_run(job, library, &AtomicBool::new(false), &mut |at, done| {
             progress.show(done, || format!("dry runs, plate {:6.1} s", at.secs()));
         });
         progress.finish();
@@ -37,7 +36,7 @@ impl<'a> PlanReport<'a> {
 
     /// Verdict of the dry runs.
     pub fn verdict(&self) -> PlanVerdict {
-        verdict(&self.forecast.dry_runs)
+        self.forecast.dry_runs.verdict()
     }
 
     /// Text output.
@@ -60,15 +59,15 @@ impl<'a> PlanReport<'a> {
     pub fn json(&self) -> Value {
         let forecast = &self.forecast;
         let id = |part: usize| forecast.parts.get(part).map(|part| part.id.as_str());
-        let plate_time = bracket_s(&forecast.dry_runs).map(|[least, median, most]| {
+        let plate_time = forecast.dry_runs.bracket_s().map(|[least, median, most]| {
             json!({ "least": rounded(least), "median": rounded(median), "most": rounded(most) })
         });
-        let smallest_gap = nearest(&forecast.dry_runs).map(|ClosestApproach { gap_m, parts, at_s }| {
+        let smallest_gap = forecast.dry_runs.nearest().map(|ClosestApproach { gap_m, parts, at_s }| {
             json!({ "gap_mm": rounded(mm_from_m(gap_m)), "parts": parts.map(id), "at_s": rounded(at_s) })
         });
         let ending = |(reason, times): &(&str, usize)| json!({ "reason": reason, "times": times });
         let met = |(limit, cycles): &(&str, u64)| json!({ "limit": limit, "cycles": cycles });
-        let dry_runs = forecast.dry_runs.iter().map(|dry_run| {
+        let dry_runs = forecast.dry_runs.0.iter().map(|dry_run| {
             let Report { seed, reason, plate_time_s, work, accuracy, .. } = &dry_run.report;
             json!({
                 "seed": seed,
@@ -92,11 +91,11 @@ impl<'a> PlanReport<'a> {
             "planner": forecast.planner.report,
             "verdict": self.verdict().text().replace(' ', "_"),
             "can_be_done": self.verdict() == PlanVerdict::CanBeDone,
-            "endings": endings(&forecast.dry_runs).iter().map(ending).collect::<Vec<_>>(),
+            "endings": forecast.dry_runs.endings().iter().map(ending).collect::<Vec<_>>(),
             "predicted_plate_time_s": plate_time,
             "speed_mm_s": forecast.speed_mps.map(|[asked, held]| json!({ "asked": rounded(mm_from_m(asked)), "can_be_held": rounded(mm_from_m(held)) })),
             "smallest_gap": smallest_gap,
-            "limits_met": limits_met(&forecast.dry_runs).iter().map(met).collect::<Vec<_>>(),
+            "limits_met": forecast.dry_runs.limits_met().iter().map(met).collect::<Vec<_>>(),
             "independence": {
                 "of": if forecast.fields { "fields" } else { "rotations" },
                 "singular_values": forecast.independence.singular_values.iter().map(|&s| rounded(s)).collect::<Vec<_>>(),
@@ -129,14 +128,14 @@ fn part_lines(parts: &[PartForecast]) -> Vec<String> {
 }
 
 fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
-    let (completed, all) = (completed(&forecast.dry_runs).count(), forecast.dry_runs.len());
-    let verdict = verdict(&forecast.dry_runs).text();
+    let (completed, all) = (forecast.dry_runs.completed().count(), forecast.dry_runs.0.len());
+    let verdict = forecast.dry_runs.verdict().text();
     let mut figures = vec![(verdict, format!("{completed} of {all} dry runs reach the goal"))];
-    for (reason, times) in endings(&forecast.dry_runs) {
+    for (reason, times) in forecast.dry_runs.endings() {
         figures.push(("", format!("{times} of {all}: {reason}")));
     }
     figures.push(("planner", planner_line(&forecast.planner.report)));
-    if let Some([least, middle, most]) = bracket_s(&forecast.dry_runs) {
+    if let Some([least, middle, most]) = forecast.dry_runs.bracket_s() {
         let text = format!("{middle:.1} s of plate time ({least:.1} to {most:.1})");
         figures.push(("predicted", text));
     }
@@ -147,11 +146,11 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
         figures.push(("speed", text));
     }
     let id = |part: usize| forecast.parts.get(part).map_or("?", |part| part.id.as_str());
-    if let Some(ClosestApproach { gap_m, parts: [a, b], at_s }) = nearest(&forecast.dry_runs) {
+    if let Some(ClosestApproach { gap_m, parts: [a, b], at_s }) = forecast.dry_runs.nearest() {
         let gap = if gap_m < 0.0 { "none, they touch".into() } else { format!("{:.1} mm", mm_from_m(gap_m)) };
         figures.push(("smallest gap", format!("{} and {} at {at_s:.1} s: {gap}", id(a), id(b))));
     }
-    for (limit, cycles) in limits_met(&forecast.dry_runs) {
+    for (limit, cycles) in forecast.dry_runs.limits_met() {
         figures.push(("limit met", format!("{limit}, in {cycles} cycles")));
     }
     if let Some((part, direction)) = forecast.independence.weakest {
@@ -162,142 +161,4 @@ fn figures(forecast: &Forecast) -> Vec<(&'static str, String)> {
         figures.push(("all together", text));
     }
     figures
-}
-
-/// Prediction from the dry runs of a job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum PlanVerdict {
-    /// All dry runs reach the goal.
-    CanBeDone,
-    /// At least half of them reach the goal, but not all.
-    Likely,
-    /// Fewer than half of them reach the goal, but at least one.
-    Unlikely,
-    /// None of them reaches the goal.
-    CannotBeDone,
-}
-
-impl PlanVerdict {
-    /// The verdict in words; its stable code has `_` in place of spaces.
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::CanBeDone => "can be done",
-            Self::Likely => "likely",
-            Self::Unlikely => "unlikely",
-            Self::CannotBeDone => "cannot be done",
-        }
-    }
-
-    /// True if the job is predicted to fail.
-    pub fn is_failure(self) -> bool {
-        matches!(self, Self::Unlikely | Self::CannotBeDone)
-    }
-}
-
-/// Verdict of `dry_runs`.
-fn verdict(dry_runs: &[DryRun]) -> PlanVerdict {
-    match (completed(dry_runs).count(), dry_runs.len()) {
-        (completed, all) if completed == all => PlanVerdict::CanBeDone,
-        (0, _) => PlanVerdict::CannotBeDone,
-        (completed, all) if 2 * completed >= all => PlanVerdict::Likely,
-        _ => PlanVerdict::Unlikely,
-    }
-}
-
-/// Those that reach the goal.
-fn completed(dry_runs: &[DryRun]) -> impl Iterator<Item = &DryRun> {
-    dry_runs.iter().filter(|dry_run| dry_run.report.reached_goal())
-}
-
-/// Reasons of the dry runs' endings, failures first, with the number of each.
-fn endings(dry_runs: &[DryRun]) -> Vec<(&str, usize)> {
-    let mut endings: Vec<(&str, usize)> = Vec::new();
-    let failed = dry_runs.iter().filter(|dry_run| !dry_run.report.reached_goal());
-    for DryRun { report, .. } in failed.chain(completed(dry_runs)) {
-        match endings.iter_mut().find(|(reason, _)| *reason == report.reason) {
-            Some((_, times)) => *times += 1,
-            None => endings.push((&report.reason, 1)),
-        }
-    }
-    endings
-}
-
-/// Student's t that nine of ten values are below, for 1 to 4 degrees of freedom.
-const T_90: [f64; 4] = [3.078, 1.886, 1.638, 1.533];
-
-/// Median plate time of the completed dry runs, s, and about it the interval that holds one more run four times of
-/// five: by Student's t on logarithms, and a cycle wide on either side at least, since a run ends with one. `None` if
-/// none completed.
-fn bracket_s(dry_runs: &[DryRun]) -> Option<[f64; 3]> {
-    let mut times_s: Vec<f64> = completed(dry_runs).map(|dry_run| dry_run.report.plate_time_s).collect();
-    times_s.sort_by(f64::total_cmp);
-    let cycles_s = completed(dry_runs).map(|dry_run| dry_run.report.plate_time_s / dry_run.report.work.cycles as f64);
-    let cycle_s = cycles_s.filter(|cycle_s| cycle_s.is_finite()).fold(0.0, f64::max);
-    let (count, middle_s) = (times_s.len() as f64, median(&times_s)?);
-    let mean = times_s.iter().map(|time_s| libm::log(*time_s)).sum::<f64>() / count;
-    let squares: f64 = times_s.iter().map(|time_s| (libm::log(*time_s) - mean).powi(2)).sum();
-    let t = times_s.len().checked_sub(2).map_or(0.0, |i| T_90[i.min(T_90.len() - 1)]);
-    let off = t * (squares / (count - 1.0).max(1.0) * (1.0 + 1.0 / count)).sqrt();
-    let [least_s, most_s] = [-off, off].map(|off| libm::exp(mean + off));
-    Some([least_s.min(middle_s - cycle_s), middle_s, most_s.max(middle_s + cycle_s)])
-}
-
-/// Least gap between two parts in any dry run.
-fn nearest(dry_runs: &[DryRun]) -> Option<ClosestApproach> {
-    dry_runs.iter().filter_map(|dry_run| dry_run.record.nearest).min_by(|a, b| a.gap_m.total_cmp(&b.gap_m))
-}
-
-/// Limits that cut steps short, with the number of cycles in all dry runs, the most frequent first.
-fn limits_met(dry_runs: &[DryRun]) -> Vec<(&str, u64)> {
-    let mut all: BTreeMap<&str, u64> = BTreeMap::new();
-    for (limit, cycles) in dry_runs.iter().flat_map(|dry_run| &dry_run.record.limits_met) {
-        *all.entry(limit).or_default() += cycles;
-    }
-    let mut all: Vec<_> = all.into_iter().collect();
-    all.sort_by_key(|&(_, cycles)| Reverse(cycles));
-    all
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use upm_core::job::Outcome;
-    use upm_recording::Verdict;
-    use upm_runner::run::DryRunRecord;
-
-    #[test]
-    fn figures_are_over_all_dry_runs() {
-        let closest = |gap_m| Some(ClosestApproach { gap_m, parts: [0, 1], at_s: 1.0 });
-        let ended = |outcome, reason: &str, plate_time_s| Report {
-            outcome,
-            reason: reason.into(),
-            plate_time_s,
-            ..Report::default()
-        };
-        let one = |plate_time_s, gap_m, limits: &[(&str, u64)]| {
-            let mut record = DryRunRecord::default();
-            record.nearest = closest(gap_m);
-            record.limits_met = limits.iter().map(|&(limit, cycles)| (limit.to_owned(), cycles)).collect();
-            DryRun { report: ended(Outcome::Completed, "there", plate_time_s), record }
-        };
-        let mut dry_runs =
-            vec![one(9.0, 0.003, &[("a", 2), ("b", 1)]), one(4.0, 0.001, &[]), one(5.0, 0.002, &[("b", 3)])];
-        assert_eq!(verdict(&dry_runs), PlanVerdict::CanBeDone);
-        // the mean of the logarithms is ln 5.646, their standard deviation 0.4185
-        let off = 1.886 * 0.418_5 * (4.0f64 / 3.0).sqrt();
-        let [least_s, middle_s, most_s] = bracket_s(&dry_runs).unwrap();
-        assert!(middle_s == 5.0 && (most_s / 5.646 - libm::exp(off)).abs() < 0.01, "{most_s}");
-        assert!((least_s / 5.646 - libm::exp(-off)).abs() < 0.01, "{least_s}");
-        assert_eq!(nearest(&dry_runs), closest(0.001));
-        assert_eq!(limits_met(&dry_runs), [("b", 4), ("a", 2)]);
-        dry_runs[2].report = ended(Outcome::Failed, "stalled", 5.0);
-        assert_eq!(verdict(&dry_runs), PlanVerdict::Likely);
-        assert_eq!(endings(&dry_runs), [("stalled", 1), ("there", 2)]);
-        assert_eq!(bracket_s(&dry_runs).unwrap()[1], 6.5);
-        dry_runs[1].report.verdict = Some(Verdict::FalseSuccess);
-        assert_eq!(verdict(&dry_runs), PlanVerdict::Unlikely, "the truth says otherwise");
-        dry_runs[0].report = ended(Outcome::Failed, "stalled", 5.0);
-        assert_eq!((verdict(&dry_runs), verdict(&dry_runs).is_failure()), (PlanVerdict::CannotBeDone, true));
-        assert_eq!(bracket_s(&dry_runs), None);
-    }
 }

@@ -3,6 +3,7 @@
 use super::coverage::at_mm;
 use super::plan::PlanReport;
 use upm_chart::{Chart, Color, Ground, Layer, Mark, Palette, bin_label, bin_outline};
+use upm_core::geometry::Vec2;
 use upm_core::job::Bin;
 use upm_core::units::mm_from_m;
 use upm_runner::config::JobLayout;
@@ -10,6 +11,9 @@ use upm_runner::run::{Forecast, PartForecast};
 
 /// Extent of the picture, in half sides of the plate from its middle.
 const PLAN_REACH: f64 = 1.08;
+
+/// Least distance that the arrow of a path spans.
+const ARROW_M: f64 = 0.012;
 
 /// Chart of the plate from above: bins, wanted paths, starts, targets, and the predicted paths in the first dry run.
 /// A part has one colour, parts of one kind similar ones.
@@ -22,9 +26,9 @@ pub(super) fn plan_chart(planned: &PlanReport<'_>) -> Chart {
     let color = |i: usize| palette.parts().get(i).map_or(Color::Gray, |&rgb| Color::Rgb(rgb));
     let mut layers = vec![Layer::plate(half_side_mm)];
     layers.extend(bins(&layout, &palette));
-    let paths_m = forecast.dry_runs.first().map_or(&[][..], |dry_run| &dry_run.record.paths_m);
+    let paths_m = forecast.dry_runs.0.first().map_or(&[][..], |dry_run| &dry_run.record.paths_m);
     let predicted = paths_m.iter().enumerate();
-    layers.extend(predicted.map(|(i, path_m)| Layer::new("", Mark::Line, color(i), path_m.iter().copied().map(at_mm))));
+    layers.extend(predicted.flat_map(|(i, path_m)| predicted_path(path_m, color(i))));
     layers.extend(paths(&layout, &color));
     layers.extend(forecast.parts.iter().enumerate().flat_map(|(i, part)| marks(part, color(i))));
     layers.push(names(&forecast.parts, &color));
@@ -50,11 +54,34 @@ fn paths(layout: &JobLayout, color: impl Fn(usize) -> Color) -> impl Iterator<It
     })
 }
 
-/// Outline at the start and target of a part.
+/// The predicted path of a part, with an arrow in its middle that shows which way it goes.
+fn predicted_path(path_m: &[Vec2], color: Color) -> [Layer; 2] {
+    let ahead = |i: usize, least_m: f64| {
+        let from_m = *path_m.get(i)?;
+        let to_m = path_m[i..].iter().find(|at_m| (*at_m - from_m).norm() >= least_m)?;
+        Some((at_mm(from_m), at_mm(to_m - from_m)))
+    };
+    let travelled_m: Vec<f64> = path_m
+        .windows(2)
+        .scan(0.0, |sum_m, pair| {
+            *sum_m += (pair[1] - pair[0]).norm();
+            Some(*sum_m)
+        })
+        .collect();
+    let length_m = travelled_m.last().copied().unwrap_or_default();
+    let middle = travelled_m.partition_point(|at_m| *at_m < 0.5 * length_m);
+    // a part that stays has no arrow
+    let (from, vectors): (Vec<_>, Vec<_>) = ahead(middle, ARROW_M).into_iter().unzip();
+    let line = Layer::new("", Mark::Line, color, path_m.iter().copied().map(at_mm));
+    [line, Layer::new("", Mark::Arrows { vectors }, color, from)]
+}
+
+/// Outline of a part at its start and, with a cross, at its target.
 fn marks(part: &PartForecast, color: Color) -> [Layer; 2] {
     let rim = Mark::Circles { radius: mm_from_m(part.radius_m) };
     let target = part.target.iter().map(|spot| at_mm(spot.position_m));
-    [Layer::new("", rim, color, [at_mm(part.start.position_m)]), Layer::new("", Mark::Crosses, color, target)]
+    let ends = [at_mm(part.start.position_m)].into_iter().chain(target.clone());
+    [Layer::new("", rim, color, ends), Layer::new("", Mark::Crosses, color, target)]
 }
 
 /// The names of the parts beside their starts.
@@ -110,6 +137,9 @@ mod tests {
             assert_eq!((bin.points.len(), &bin.mark), (5, &Mark::Line));
         }
         let circles = chart.layers.iter().filter(|layer| matches!(layer.mark, Mark::Circles { .. }));
+        assert!(circles.clone().all(|layer| layer.points.len() == 2), "a coin at both ends");
+        let heads = chart.layers.iter().filter(|layer| matches!(layer.mark, Mark::Arrows { .. }));
+        assert!(heads.clone().all(|layer| layer.points.len() == 1) && heads.count() == 8);
         let mut colors: Vec<String> = circles.map(|layer| format!("{:?}", layer.color)).collect();
         colors.sort();
         colors.dedup();
