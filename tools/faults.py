@@ -18,9 +18,8 @@ schedules  the 55 schedules with a name, against the bars by which their faults 
 daemon     the same schedules as jobs of one daemon, each with a job queued behind it: a plate pauses with cause and remedy
            exactly where a person has to look (O7), the next job completes after `resume` (O9), each run ends as it does
            alone (O10). Emergency stops in the middle of runs with faults.
-judge      the oracle alone, over run folders.
 mutants    counts the seeds until a rule is broken with one guard off (a build with the feature `mutants`), not with all on.
-selftest   the oracle over run folders made by hand, the rules of the daemon over answers made by hand.
+judge      the oracle alone, over run folders. selftest: over folders and answers made by hand.
 
 Exit status 1 when a rule is broken, a bar is missed, a drawn run is refused or a mutant goes on uncaught.
 """

@@ -189,7 +189,6 @@ def late(run, fault):
 
 
 def pulse_segments(run):
-    """Pulses of a run that count as one."""
     return SEGMENTS_A_PULSE if run.is_moving else 1
 
 
