@@ -33,27 +33,3 @@ fn set_niceness(by: i32) {
 
 #[cfg(not(target_os = "linux"))]
 fn set_niceness(_: i32) {}
-
-#[cfg(all(test, target_os = "linux"))]
-mod tests {
-    use rustix::process::{getpid, getpriority_process};
-
-    use super::*;
-
-    #[test]
-    fn niceness_is_counted_from_that_of_the_process() {
-        let started_with = getpriority_process(Some(getpid())).unwrap();
-        std::thread::spawn(move || {
-            let mine = || getpriority_process(None).unwrap();
-            lower_thread_priority();
-            assert_eq!(mine(), (started_with + BACKGROUND_NICE).min(19));
-            // the second call does not lower it further
-            lower_thread_priority();
-            assert_eq!(mine(), (started_with + BACKGROUND_NICE).min(19));
-            std::thread::spawn(lower_thread_priority).join().unwrap();
-            assert_eq!(getpriority_process(Some(getpid())).unwrap(), started_with);
-        })
-        .join()
-        .unwrap();
-    }
-}

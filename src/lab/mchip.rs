@@ -167,17 +167,6 @@ mod tests {
     }
 
     #[test]
-    fn settings_outside_the_model_are_refused_with_the_limit() {
-        for (text, fault) in [
-            ("mass_ug=1", "mass_ug: expected 10 to 1000, found 1"),
-            ("ridge_height_um=2 rim_um=1.5", "rim_um: expected at most 1.000 (half of the ridge's height), found 1.5"),
-        ] {
-            let said = set(text).unwrap_err().to_string();
-            assert!(said.starts_with(fault), "{said}");
-        }
-    }
-
-    #[test]
     fn part_that_is_pulled_off_the_array_ends_its_run_with_a_note() {
         let outcome = set("force_dyn=0.9 starts=1 time_s=0.5").unwrap();
         let note = "the part left the array in 1 of 1 runs, which end there";

@@ -189,19 +189,6 @@ mod tests {
     }
 
     #[test]
-    fn settings_outside_the_model_are_refused_with_the_limit() {
-        for (text, fault) in [
-            ("peak_rad=0.5", "peak_rad: expected less than 0.4636 (the tilt at which the block balances), found 0.5"),
-            ("start=3", "start: expected less than 2.8978 (the block's balance over peak_rad), found 3"),
-            ("from=0.1 to=0.2", "from, to: expected tilts between which"),
-            ("from=0.5 to=-0.4", "from, to: expected tilts between which"),
-        ] {
-            let said = machine(text).and_then(|rock| rock.drive()).unwrap_err().to_string();
-            assert!(said.starts_with(fault), "{said}");
-        }
-    }
-
-    #[test]
     fn orbit_closes_and_its_period_is_the_integrated_one() {
         // the second block peaks within the clock's resolution of the period's end
         let at_the_end = "length_mm=96.04730020616665 height_mm=178.01041896225342 restitution=0.9114372428138772 peak_rad=0.09842018917013262 \

@@ -92,35 +92,6 @@ fn unsigned_zero(text: String) -> String {
 mod tests {
     use super::*;
 
-    fn cells(measured: f64, reference: Option<f64>) -> [String; 3] {
-        let figure = Figure { reference, ..Figure::alone("COR", "mm", measured, "Eq. 6") };
-        [1, 2, 4].map(|column| super::cells(&figure)[column].clone())
-    }
-
-    #[test]
-    fn numbers_have_four_digits() {
-        for (value, text) in [
-            (1.0004, "1.000"),
-            (-2.515, "-2.515"),
-            (12345.6, "12346"),
-            (0.000_123_4, "1.234e-4"),
-            (0.012_344, "0.01234"),
-            (3.2e12, "3.200e12"),
-            (f64::NAN, "-"),
-            (f64::INFINITY, "inf"),
-        ] {
-            assert_eq!(cells(value, None)[0], text);
-        }
-    }
-
-    #[test]
-    fn compared_values_share_the_decimal_places_of_the_larger() {
-        assert_eq!(cells(1.999_99, Some(2.0)), ["2.000", "2.000", "0.00"]);
-        assert_eq!(cells(-0.000_2, Some(40.5)), ["0.00", "40.50", "-100.00"]);
-        assert_eq!(cells(1e-3, Some(0.0)), ["0.001000", "0", "-"]);
-        assert_eq!(cells(1e-9, Some(0.0)), ["1.000e-9", "0", "-"]);
-    }
-
     #[test]
     fn columns_are_aligned_by_characters() {
         let figures =

@@ -6,8 +6,6 @@ mod drive;
 #[cfg(test)]
 mod fields_tests;
 mod file;
-#[cfg(test)]
-mod plate_tests;
 mod probe;
 mod segment_response;
 pub mod testing;

@@ -109,29 +109,24 @@ fn settings() -> DefaultSettings<f64> {
 mod tests {
     use super::*;
 
-    fn diagonal(values: &[f64]) -> Matrix {
+    /// A matrix of so many rows with these values in the rows of each column.
+    fn matrix(rows: usize, columns: &[&[(usize, f64)]]) -> Matrix {
         let mut writer = ColumnWriter::default();
-        for (row, &value) in values.iter().enumerate() {
-            writer.put(row, value);
+        for column in columns {
+            column.iter().for_each(|&(row, value)| writer.put(row, value));
             writer.end_column();
         }
-        writer.finish(values.len())
+        writer.finish(rows)
     }
 
     /// The nearest point of the line x + y = 1 with x <= 0.2 to the origin, by hand: (0.2, 0.8), multipliers -0.8 and
     /// 0.6.
     #[test]
     fn a_small_program_has_the_minimiser_found_by_hand() {
-        let mut constraints = ColumnWriter::default();
-        constraints.put(0, 1.0);
-        constraints.put(1, 1.0);
-        constraints.end_column();
-        constraints.put(0, 1.0);
-        constraints.end_column();
         let program = Program {
-            hessian: diagonal(&[1.0, 1.0]),
+            hessian: matrix(2, &[&[(0, 1.0)], &[(1, 1.0)]]),
             gradient: vec![0.0, 0.0],
-            constraints: constraints.finish(2),
+            constraints: matrix(2, &[&[(0, 1.0), (1, 1.0)], &[(0, 1.0)]]),
             bounds: vec![1.0, 0.2],
             cones: vec![Cone::ZeroConeT(1), Cone::NonnegativeConeT(1)],
         };
@@ -143,15 +138,9 @@ mod tests {
     #[test]
     fn constraints_that_exclude_every_point_are_infeasible() {
         let program = Program {
-            hessian: diagonal(&[1.0]),
+            hessian: matrix(1, &[&[(0, 1.0)]]),
             gradient: vec![0.0],
-            constraints: {
-                let mut writer = ColumnWriter::default();
-                writer.put(0, 1.0);
-                writer.put(1, -1.0);
-                writer.end_column();
-                writer.finish(2)
-            },
+            constraints: matrix(2, &[&[(0, 1.0), (1, -1.0)]]),
             bounds: vec![-1.0, -1.0],
             cones: vec![Cone::NonnegativeConeT(2)],
         };
@@ -161,15 +150,10 @@ mod tests {
     /// The least x + y with (x, y) within 0.1 of (1, 0): at (1, 0) - 0.1 (1, 1)/sqrt 2.
     #[test]
     fn a_second_order_cone_is_a_ball() {
-        let mut constraints = ColumnWriter::default();
-        constraints.put(1, 1.0);
-        constraints.end_column();
-        constraints.put(2, 1.0);
-        constraints.end_column();
         let program = Program {
-            hessian: diagonal(&[0.0, 0.0]),
+            hessian: matrix(2, &[&[(0, 0.0)], &[(1, 0.0)]]),
             gradient: vec![1.0, 1.0],
-            constraints: constraints.finish(3),
+            constraints: matrix(3, &[&[(1, 1.0)], &[(2, 1.0)]]),
             bounds: vec![0.1, 1.0, 0.0],
             cones: vec![Cone::SecondOrderConeT(3)],
         };

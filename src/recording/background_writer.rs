@@ -225,12 +225,16 @@ mod tests {
         }
     }
 
+    fn start(disk: &RecordedDisk, overflow: OverflowPolicy, status: &WriterStatus) -> BackgroundWriter {
+        let steps_back = overflow == OverflowPolicy::GiveUp;
+        BackgroundWriter::start(disk.clone(), overflow, steps_back, MonotonicClock::new(), status.clone()).unwrap()
+    }
+
     #[test]
     fn all_lines_are_written_in_order_and_committed_at_the_end() {
-        let disk = RecordedDisk::default();
+        let (disk, status) = (RecordedDisk::default(), WriterStatus::default());
         let mut writer =
-            BackgroundWriter::start(disk.clone(), OverflowPolicy::Wait, false, StoppedClock, WriterStatus::default())
-                .unwrap();
+            BackgroundWriter::start(disk.clone(), OverflowPolicy::Wait, false, StoppedClock, status).unwrap();
         let lines: String = (0..5000).map(|i| format!("line {i}\n")).collect();
         lines.split_inclusive('\n').for_each(|line| writer.write_all(line.as_bytes()).unwrap());
         writer.finish().unwrap();
@@ -242,14 +246,7 @@ mod tests {
     #[test]
     fn line_reaches_the_disk_while_the_writer_stays_open() {
         let disk = RecordedDisk::default();
-        let mut writer = BackgroundWriter::start(
-            disk.clone(),
-            OverflowPolicy::Wait,
-            false,
-            MonotonicClock::new(),
-            WriterStatus::default(),
-        )
-        .unwrap();
+        let mut writer = start(&disk, OverflowPolicy::Wait, &WriterStatus::default());
         writer.write_all(b"first\n").unwrap();
         eventually_true("a commit", || disk.calls().contains(&DiskCall::Committed));
         assert_eq!(disk.calls(), [DiskCall::Written("first\n".into()), DiskCall::Committed]);
@@ -283,9 +280,7 @@ mod tests {
     fn hung_disk_makes_a_writer_that_gives_up_fail_without_blocking() {
         let disk = RecordedDisk::default();
         let (gate, watch) = (disk.gate.lock().unwrap(), WriterStatus::default());
-        let mut writer =
-            BackgroundWriter::start(disk.clone(), OverflowPolicy::GiveUp, true, MonotonicClock::new(), watch.clone())
-                .unwrap();
+        let mut writer = start(&disk, OverflowPolicy::GiveUp, &watch);
         let fault = (0..9 * QUEUE).find_map(|_| {
             thread::sleep(Duration::from_millis(u64::from(disk.calls().is_empty()))); // lets the thread run into the gate
             writer.write_all(b"x\n").err()
@@ -306,8 +301,7 @@ mod tests {
         for mode in [OverflowPolicy::Wait, OverflowPolicy::GiveUp] {
             let watch = WriterStatus::default();
             let disk = RecordedDisk { room_bytes: Some(12), ..RecordedDisk::default() };
-            let mut writer =
-                BackgroundWriter::start(disk.clone(), mode, true, MonotonicClock::new(), watch.clone()).unwrap();
+            let mut writer = start(&disk, mode, &watch);
             writer.write_all(b"line one\n").unwrap();
             eventually_true("a line is written", || !disk.text().is_empty());
             assert_eq!((watch.fault(), writer.write_all(b"line two\n").is_ok()), (None, true));

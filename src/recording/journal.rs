@@ -233,41 +233,4 @@ mod tests {
         });
         assert_eq!(lines, [began, ended]);
     }
-
-    #[test]
-    fn equal_runs_give_equal_bytes_and_wall_time_leaves_no_trace() {
-        let play = |wall_us: f64| {
-            written(|journal| {
-                let mut run = synthetic_run::SyntheticRun::new(3);
-                run.wall_us = wall_us;
-                run.localise(journal);
-                (0..5).for_each(|_| run.cycle(journal));
-            })
-        };
-        assert_eq!(play(0.0), play(123.4));
-        assert_eq!(play(0.0).lines().count(), 6);
-    }
-
-    #[test]
-    fn full_disk_is_reported_at_the_end() {
-        #[derive(Debug)]
-        struct FullDisk(usize);
-        impl Write for FullDisk {
-            fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-                if bytes.len() > self.0 {
-                    return Err(io::ErrorKind::StorageFull.into());
-                }
-                self.0 -= bytes.len();
-                Ok(bytes.len())
-            }
-            fn flush(&mut self) -> io::Result<()> {
-                Ok(())
-            }
-        }
-        let mut journal = Journal::new(FullDisk(100), Arc::new(rig::library()));
-        for _ in 0..9 {
-            journal.event(&EventFacts::note(PlateTime::ZERO, EventLevel::Info, "a line of some length"));
-        }
-        assert_eq!(journal.finish().unwrap_err().kind(), io::ErrorKind::StorageFull);
-    }
 }

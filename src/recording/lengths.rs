@@ -50,16 +50,3 @@ pub(crate) fn mm(length_m: f64) -> f64 {
 pub(crate) fn point_mm(p_m: Vec2) -> [f64; 2] {
     [mm(p_m.x), mm(p_m.y)]
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn statistics_are_those_of_the_lengths_and_missing_without_any() {
-        let mut lengths = Lengths::default();
-        assert_eq!((lengths.mean_mm(), lengths.rms_mm(), lengths.max_mm()), (None, None, None));
-        [3e-3, 4e-3].into_iter().for_each(|length_m| lengths.push(length_m));
-        assert_eq!((lengths.mean_mm(), lengths.rms_mm(), lengths.max_mm()), (Some(3.5), Some(3.5355), Some(4.0)));
-    }
-}

@@ -44,18 +44,3 @@ impl fmt::Display for RerunMode {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn modes_round_trip_through_their_text() {
-        for text in ["off", "save", "connect", "connect=rerun+http://10.0.0.2:9876/proxy", "spawn"] {
-            assert_eq!(text.parse::<RerunMode>().unwrap().to_string(), text);
-        }
-        for text in ["", "connect=", "save=x", "Off"] {
-            assert!(text.parse::<RerunMode>().is_err(), "{text}");
-        }
-    }
-}

@@ -202,12 +202,4 @@ mod tests {
         let measured = (report.accuracy.max_error_mm, report.work.collisions);
         assert_eq!(measured, (Some(0.0), Some(0)), "truth, not measurement, counts");
     }
-
-    #[test]
-    fn observations_at_other_times_are_not_compared() {
-        let mut run = SyntheticRun::new(1);
-        let mut stats = RunStats::new(Some(Default::default()));
-        run.cycle(&mut stats);
-        assert_eq!(stats.report(ending(Vec::new())).accuracy.sensing_rms_error_mm, None);
-    }
 }

@@ -19,8 +19,6 @@ mod knocks;
 #[cfg(test)]
 mod late_segment_tests;
 mod library;
-#[cfg(test)]
-mod lost_tests;
 mod machine;
 mod movie;
 #[cfg(test)]

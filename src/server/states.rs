@@ -151,21 +151,3 @@ pub struct PlateFinding {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub runner_up: Option<RunnerUp>,
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_those_on_the_network() {
-        for state in JobState::ALL {
-            assert_eq!(serde_json::to_value(state).unwrap(), state.code());
-        }
-        for status in RecordingStatus::ALL {
-            assert_eq!(serde_json::to_value(status).unwrap(), status.code());
-        }
-        for state in PlateState::ALL {
-            assert_eq!(serde_json::to_value(state).unwrap(), state.code());
-        }
-    }
-}

@@ -239,30 +239,20 @@ mod tests {
         Drive { base_radps: TAU * 60.0, motors: [wave, vec![], vec![], vec![]], envelope, ..Drive::default() }
     }
 
+    /// Fig. 4: around the plate, and beside each other, where X2 and Y2 push along +x and +y on the same lines, so that
+    /// their torques change sign, too.
     #[test]
     fn each_motor_pushes_as_in_the_paper() {
-        let signs = [(1.0, 0.0, -1.0), (-1.0, 0.0, -1.0), (0.0, 1.0, 1.0), (0.0, -1.0, 1.0)];
-        for (motor, (fx, fy, turn)) in signs.into_iter().enumerate() {
-            let mut forces = [0.0; 4];
-            forces[motor] = 3.0;
-            let wrench = wrench_of_forces(forces, 0.05);
-            assert_eq!((wrench.x, wrench.y), (3.0 * fx, 3.0 * fy));
-            assert!((wrench.z - 0.15 * turn).abs() < 1e-15);
-        }
-    }
-
-    /// Fig. 4(b): X2 and Y2 push along +x and +y on the same lines, so that their torques change sign, too.
-    #[test]
-    fn motors_beside_each_other_push_alike_and_turn_against_each_other() {
-        let params = MotorParams { arrangement: MotorArrangement::Beside, ..PARAMS };
-        for (motor, (fx, fy, turn)) in
-            [(1.0, 0.0, -1.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0), (0.0, 1.0, -1.0)].into_iter().enumerate()
-        {
-            let mut motors = Motors::new(&params, 5e-5);
-            motors.held_counts[motor] = 100.0;
-            let wrench = (0..2000).map(|_| motors.step()).last().unwrap();
-            assert!((wrench.xy() - Vec2::new(2.0 * fx, 2.0 * fy)).norm() < 1e-9);
-            assert!((wrench.z - 0.1 * turn).abs() < 1e-9);
+        let around = [(1.0, 0.0, -1.0), (-1.0, 0.0, -1.0), (0.0, 1.0, 1.0), (0.0, -1.0, 1.0)];
+        let beside = [(1.0, 0.0, -1.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0), (0.0, 1.0, -1.0)];
+        for (arrangement, pushes) in [(MotorArrangement::Around, around), (MotorArrangement::Beside, beside)] {
+            for (motor, (fx, fy, turn)) in pushes.into_iter().enumerate() {
+                let mut motors = Motors::new(&MotorParams { arrangement, ..PARAMS }, 5e-5);
+                motors.held_counts[motor] = 100.0;
+                let wrench = (0..2000).map(|_| motors.step()).last().unwrap();
+                assert!((wrench.xy() - Vec2::new(2.0 * fx, 2.0 * fy)).norm() < 1e-9);
+                assert!((wrench.z - 0.1 * turn).abs() < 1e-9);
+            }
         }
     }
 
@@ -344,24 +334,5 @@ mod tests {
             motors.step();
         }
         assert!(motors.is_forceless());
-    }
-
-    #[test]
-    fn motors_are_idle_after_the_pulse_and_at_once_when_stopped() {
-        let mut motors = Motors::new(&PARAMS, 5e-5);
-        assert!(motors.is_idle());
-        motors.start(steady(200.0, Envelope { attack_s: 0.01, sustain_s: 0.02, rest_s: 0.0 }));
-        for _ in 0..900 {
-            motors.step();
-        }
-        assert!(motors.is_idle());
-        motors.start(steady(200.0, Envelope { attack_s: 0.01, sustain_s: 0.02, rest_s: 0.0 }));
-        for _ in 0..300 {
-            motors.step();
-        }
-        assert!(!motors.is_idle());
-        motors.stop();
-        assert!(motors.is_idle());
-        assert_eq!(motors.step(), Wrench::default());
     }
 }

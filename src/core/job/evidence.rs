@@ -45,14 +45,3 @@ impl fmt::Display for RunnerUp {
         write!(f, "{more}{}:1 over {}", self.odds, self.what)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn odds_are_told_up_to_the_most() {
-        let told = |odds| RunnerUp { what: "coil x1".into(), odds }.to_string();
-        assert_eq!([20, 1000].map(told), ["20:1 over coil x1", "more than 1000:1 over coil x1"]);
-    }
-}

@@ -133,35 +133,21 @@ mod tests {
     }
 
     #[test]
-    fn rim_under_the_part_pushes_it_up_at_both_ends() {
-        let found = contacts(0.0, 100e-6, 7.4e-6);
-        assert_eq!(found.len(), 2, "{found:?}");
-        for contact in found {
+    fn rim_pushes_up_under_the_part_back_beside_its_front_and_both_ways_at_the_edge() {
+        let under = contacts(0.0, 100e-6, 7.4e-6);
+        assert_eq!(under.len(), 2, "at both ends: {under:?}");
+        for contact in under {
             assert!((contact.normal - Vector3::z()).norm() < 1e-12);
             assert!((contact.point_m.y.abs() - 90e-6).abs() < 1e-9 && (contact.point_m.z - 7.5e-6).abs() < 1e-9);
         }
-    }
-
-    #[test]
-    fn rim_beside_the_front_pushes_the_part_back() {
-        let found = contacts(0.0, 0.1e-6, 3.0e-6);
-        assert!(!found.is_empty());
-        for contact in found {
-            assert!((contact.normal + Vector3::x()).norm() < 1e-9, "{contact:?}");
-        }
-    }
-
-    #[test]
-    fn rim_at_the_edge_pushes_up_and_back() {
-        let found = contacts(0.0, 0.3e-6, 7.2e-6);
-        let edge = found.iter().find(|contact| contact.normal.z > 0.1).unwrap();
+        let beside = contacts(0.0, 0.1e-6, 3.0e-6);
+        let pushes_back = |contact: &Contact| (contact.normal + Vector3::x()).norm() < 1e-9;
+        assert!(!beside.is_empty() && beside.iter().all(pushes_back), "{beside:?}");
+        let at_the_edge = contacts(0.0, 0.3e-6, 7.2e-6);
+        let edge = at_the_edge.iter().find(|contact| contact.normal.z > 0.1).unwrap();
         assert!(edge.normal.x < -0.3 && edge.normal.z < 0.95, "{edge:?}");
-    }
-
-    #[test]
-    fn part_above_the_reach_touches_nothing() {
-        assert!(contacts(0.0, 100e-6, 7.6e-6).is_empty());
-        assert!(contacts(0.08, 100e-6, 18.8e-6).is_empty());
-        assert!(!contacts(0.08, 100e-6, 18.5e-6).is_empty());
+        for (angle_rad, bottom_m, touches) in [(0.0, 7.6e-6, false), (0.08, 18.8e-6, false), (0.08, 18.5e-6, true)] {
+            assert_eq!(contacts(angle_rad, 100e-6, bottom_m).is_empty(), !touches, "{bottom_m}");
+        }
     }
 }

@@ -95,16 +95,4 @@ mod tests {
         assert!((most - 0.08).abs() < 1e-9, "{most}");
         assert!(least.abs() < 0.06 * most, "{least}");
     }
-
-    #[test]
-    fn exact_steps_compose() {
-        let rotor = Device::published().rotor();
-        let start = Swing { angle_rad: 0.03, speed_radps: -700.0 };
-        let (fine, coarse) = (rotor.exact_step(1e-6), rotor.exact_step(1e-5));
-        let swing = (0..10).fold(start, |swing, _| fine.after(&swing, 2e-10));
-        let once = coarse.after(&start, 2e-10);
-        assert!(
-            (swing.angle_rad - once.angle_rad).abs() < 1e-15 && (swing.speed_radps - once.speed_radps).abs() < 1e-9
-        );
-    }
 }

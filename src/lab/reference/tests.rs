@@ -1,9 +1,7 @@
 //! The fast path against the reference, in rendered scenes of several seeds.
 
-use super::{ReferenceError, find_parts, locate_table};
-use upm_core::geometry::{Lens, Vec2};
+use super::{find_parts, locate_table};
 use upm_core::rig::PartKind;
-use upm_core::signal::Frame;
 use upm_perception::vision::{self, CoinFinder, Detection};
 use upm_scene::testing::{PENNY_M, SIDE_M, penny};
 use upm_scene::{Scene, SceneDisc};
@@ -61,15 +59,4 @@ fn touching_parts_stay_apart_in_both() {
         [(0.0, 0.0), (2.0 * PENNY_M, 0.0), (0.0, 2.0 * PENNY_M)].map(|(x, y)| penny(x, y)).into();
     let [_, part_px, _] = differences(&Scene::plain(2), &discs);
     assert!(part_px < PART_PX, "{part_px}");
-}
-
-#[test]
-fn pictures_without_a_table_are_rejected() {
-    let lens = Lens::ideal(1000.0, Vec2::new(99.5, 99.5));
-    let frame = |width, height| Frame { pixels: vec![90; width * height], ..Frame::new(width, height) };
-    assert_eq!(locate_table(&frame(200, 200), &lens, SIDE_M), Err(ReferenceError::NoTable));
-    let small = ReferenceError::BadSize { width: 20, height: 200 };
-    assert_eq!(locate_table(&frame(20, 200), &lens, SIDE_M), Err(small));
-    let short = Frame { pixels: vec![0; 100], ..Frame::new(200, 200) };
-    assert!(matches!(locate_table(&short, &lens, SIDE_M), Err(ReferenceError::BadSize { .. })));
 }

@@ -286,7 +286,14 @@ fn settings_that_are_not_allowed_are_refused_in_one_line() {
         (&["feeder", "--sweep", "duty=0:1"], "--sweep: expected KEY=FROM:TO:POINTS with 2 to 10000 points, found "),
         (&["feeder", "--sweep", "speed=0:1:3"], "feeder: expected one of accel_mps2, "),
         (&["all", "--set", "friction=1"], "--set: expected the name of one experiment, found \"all\""),
+        (&["feeder", "--set", "force_dyn=99"], "feeder: force_dyn: expected less than 98.066 "),
+        (&["mchip", "--set", "starts=2.5"], "mchip: starts: expected a whole number from "),
+        (&["mchip", "--set", "ridge_height_um=2", "--set", "rim_um=1.5"], "mchip: rim_um: expected at most 1.000 "),
         (&["rock", "--set", "from=0.1"], "rock: from, to: expected tilts between which"),
+        (&["rock", "--set", "from=0.5", "--set", "to=-0.4"], "rock: from, to: expected tilts between which"),
+        (&["rock", "--set", "peak_rad=0.5"], "rock: peak_rad: expected less than 0.4636 "),
+        (&["rock", "--set", "start=3"], "rock: start: expected less than 2.8978 "),
+        (&["topple", "--set", "ledge_mm=7"], "topple: ledge_mm: expected less than 6.35 "),
         (&["vision", "--set", "friction=1"], "vision: this experiment has no settings, found \"friction\""),
     ] {
         let (stdout, stderr) = status(args, 2);

@@ -89,15 +89,8 @@ fn pictures_of_the_student_page_are_those_that_the_program_draws() {
         ("two-parts", &["two-parts-ideal"]),
     ];
     for (experiment, pictures) in drawn {
-        assert!(
-            Command::new(env!("CARGO_BIN_EXE_upm-lab"))
-                .current_dir(folder.path())
-                .arg(experiment)
-                .output()
-                .unwrap()
-                .status
-                .success()
-        );
+        let mut command = Command::new(env!("CARGO_BIN_EXE_upm-lab"));
+        assert!(command.current_dir(folder.path()).arg(experiment).output().unwrap().status.success());
         for picture in pictures {
             let shipped = root().join(format!("assets/student/{picture}.svg"));
             let drawn = fs::read_to_string(folder.path().join(format!("runs/lab/{picture}.svg"))).unwrap();

@@ -143,20 +143,3 @@ impl<'a> CalibratedPulses<'a> {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ways_are_split_into_equal_pulses_within_the_curve() {
-        let curve = Curve(vec![[0.0, 1e-3], [0.05, 2e-3], [0.1, 4e-3]]);
-        assert_eq!(curve.pulses(0.4e-3), [0.0; 0]);
-        assert_eq!(curve.pulses(0.6e-3), [0.0]);
-        assert_eq!(curve.pulses(2e-3), [0.05]);
-        assert_eq!(curve.pulses(4e-3), [0.1]);
-        let several = curve.pulses(9e-3);
-        assert_eq!(several.len(), 3);
-        assert!(several.iter().all(|s| (s - 0.075).abs() < 1e-12), "{several:?}");
-    }
-}

@@ -108,20 +108,12 @@ mod tests {
             tables.into_iter().zip(7..).map(|(table, seed)| SceneVerdict { seed, parts: 3, ..table }).collect();
         let figures = figures(Difficulty::Rough, &verdicts);
         let figure = |name: &str| figures.iter().find(|figure| figure.name == format!("rough: {name}")).unwrap();
-        for (name, expected) in [
-            ("centre rms", (0.125f64).sqrt()),
-            ("centre worst", 0.4),
-            ("corner rms", 0.1),
-            ("radius rms", (0.125f64).sqrt()),
-            ("position rms", (0.125f64).sqrt()),
-            ("parts missed", 2.0),
-            ("parts invented", 0.0),
-            ("parts misnamed", 2.0),
-            ("tables not found", 1.0),
-            ("tables misplaced", 1.0),
-            ("parts in all", 12.0),
-            ("centre over covariance", 2.0),
-        ] {
+        let rms = 0.125f64.sqrt();
+        let errors = [("centre rms", rms), ("radius rms", rms), ("position rms", rms), ("centre worst", 0.4)];
+        let counts = [("parts in all", 12.0), ("parts missed", 2.0), ("parts invented", 0.0), ("parts misnamed", 2.0)];
+        let tables = [("corner rms", 0.1), ("tables not found", 1.0), ("tables misplaced", 1.0)];
+        for (name, expected) in errors.into_iter().chain(counts).chain(tables).chain([("centre over covariance", 2.0)])
+        {
             assert!((figure(name).measured - expected).abs() < 1e-12, "{name}: {}", figure(name).measured);
         }
         assert_eq!(figure("centre rms").source, "bar 0.1 px; rendered scenes");

@@ -55,17 +55,12 @@ fn position_rms(scenes: &[Scene]) -> (f64, f64) {
 }
 
 #[test]
-fn places_in_clean_pictures() {
-    let (px, mm) = position_rms(&[0, 1].map(Scene::general));
-    eprintln!("parts, clean: {px:.4} px, {mm:.5} mm rms an axis");
-    assert!(px <= 0.03 && mm < 0.01, "{px} px {mm} mm");
-}
-
-#[test]
-fn places_in_rough_pictures() {
-    let (px, mm) = position_rms(&[3, 4].map(|seed| Scene::general(seed).rough()));
-    eprintln!("parts, rough: {px:.4} px, {mm:.5} mm rms an axis");
-    assert!(px <= 0.10 && mm < 0.025, "{px} px {mm} mm");
+fn places_are_as_exact_as_asked() {
+    let (clean, rough) = ([0, 1].map(Scene::general), [3, 4].map(|seed| Scene::general(seed).rough()));
+    for (scenes, most_px, most_mm) in [(clean, 0.03, 0.01), (rough, 0.10, 0.025)] {
+        let (px, mm) = position_rms(&scenes);
+        assert!(px <= most_px && mm < most_mm, "{px} px {mm} mm rms an axis");
+    }
 }
 
 #[test]
@@ -106,27 +101,12 @@ fn parts_at_the_edge_are_found() {
 
 #[test]
 fn kinds_are_distinguished_by_their_rims() {
-    let kinds = [
-        kind("penny", 19.05, 1.52),
-        kind("nickel", 21.21, 1.95),
-        kind("dime", 17.91, 1.35),
-        kind("quarter", 24.26, 1.75),
-    ];
-    let places = [
-        (-0.06, 0.06),
-        (0.0, 0.06),
-        (0.06, 0.06),
-        (-0.06, -0.01),
-        (0.0, -0.01),
-        (0.0225, -0.01),
-        (0.06, -0.06),
-        (-0.03, -0.06),
-    ];
-    let discs: Vec<SceneDisc> = places
-        .iter()
-        .enumerate()
-        .map(|(i, &(x, y))| SceneDisc::new(Vec2::new(x, y), kinds[i % 4].radius_m, kinds[i % 4].thickness_m))
-        .collect();
+    let kinds = [("penny", 19.05, 1.52), ("nickel", 21.21, 1.95), ("dime", 17.91, 1.35), ("quarter", 24.26, 1.75)];
+    let kinds = kinds.map(|(name, diameter_mm, thickness_mm)| kind(name, diameter_mm, thickness_mm));
+    let (xs, ys) =
+        ([-0.06, 0.0, 0.06, -0.06, 0.0, 0.0225, 0.06, -0.03], [0.06, 0.06, 0.06, -0.01, -0.01, -0.01, -0.06, -0.06]);
+    let disc = |i: usize| SceneDisc::new(Vec2::new(xs[i], ys[i]), kinds[i % 4].radius_m, kinds[i % 4].thickness_m);
+    let discs: Vec<SceneDisc> = (0..8).map(disc).collect();
     let (_, parts) = found(&Scene::general(9).rough(), &discs, &kinds);
     assert_eq!(parts.len(), discs.len());
     for (i, disc) in discs.iter().enumerate() {

@@ -230,18 +230,3 @@ impl Gradient<'_> {
         EdgePoint { at_px: picture.frame_from_cell(cell), outward: slope / -slope.norm() }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use upm_core::signal::Frame;
-
-    #[test]
-    fn flat_and_tiny_pictures_have_no_edges() {
-        for (width, height) in [(1, 1), (2, 50), (5000, 3), (64, 64)] {
-            for bin in [1, 2, 4] {
-                assert!(edges(&BinnedImage::of(&Frame::new(width, height), bin)).is_empty());
-            }
-        }
-    }
-}

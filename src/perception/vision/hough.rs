@@ -170,30 +170,3 @@ fn direction(column: f64) -> Vec2 {
 fn highest(values: &[i16]) -> i16 {
     values.iter().fold(0, |best, &value| best.max(value))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn a_line_of_edges_is_the_highest_peak(angle in 0.0..TAU, distance in -150.0..150.0f64) {
-            // a line through the centre has two directions, and the votes of both rows at zero may split
-            prop_assume!(distance.abs() > 3.0);
-            let (center, outward) = (Vec2::new(200.0, 150.0), Vec2::new(angle.cos(), angle.sin()));
-            let along = Vec2::new(-outward.y, outward.x);
-            let edges: Vec<_> = (-80..80)
-                .map(|t| IdealEdge { at: center + distance * outward + f64::from(t) * along, outward })
-                .collect();
-            let mut ballot = HoughAccumulator::new(&edges, center, 250.0, 1.0);
-            let (peak, votes) = ballot.highest().unwrap();
-            let line = ballot.line_at(peak);
-            for edge in &edges {
-                prop_assert!(line.distance(edge.at).abs() < 1.5, "{line:?} {}", line.distance(edge.at));
-            }
-            ballot.remove_votes(peak, edges.iter());
-            prop_assert!(votes > 40.0 && ballot.highest().is_none());
-        }
-    }
-}

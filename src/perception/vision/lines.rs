@@ -189,22 +189,3 @@ fn least_median_start(crossings: &[EdgeSample], scratch: &mut Vec<f64>) -> (f64,
     }
     best.1
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_third_of_wild_crossings_does_not_move_the_line() {
-        let crossings: Vec<_> = (0..300)
-            .map(|i| {
-                let along = f64::from(i);
-                let wild = (80..180).contains(&i);
-                EdgeSample { along, across: if wild { 3.0 } else { 0.2 + 0.004 * along }, contrast: 100.0 }
-            })
-            .collect();
-        let (offset, slope) = fit(&crossings, 300, false).unwrap();
-        assert!((offset - 0.2).abs() < 0.01 && (slope - 0.004).abs() < 1e-4, "{offset} {slope}");
-        assert!(fit(&crossings[..30], 300, false).is_none());
-    }
-}

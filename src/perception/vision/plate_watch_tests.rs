@@ -245,23 +245,4 @@ proptest! {
             prop_assert!(sight.foreign_m.len() == 1, "light {}: {:?}", light, sight);
         }
     }
-
-    #[test]
-    fn any_table_any_kinds_and_any_frame_are_judged(
-        corners in proptest::array::uniform8(-40.0..160.0f64), radii in proptest::collection::vec(1e-4..0.5f64, 0..3),
-        size in proptest::array::uniform2(1usize..130), seed in 0u64..100, dark in any::<bool>(),
-    ) {
-        let corners = [0, 2, 4, 6].map(|i| Vec2::new(corners[i], corners[i + 1]));
-        let Ok(table) = Table::from_ideal_corners(corners, SIDE_M, &Scene::general(1).lens) else { return Ok(()) };
-        let kinds: Vec<PartKind> =
-            radii.iter().map(|&radius_m| PartKind { name: String::new(), radius_m, thickness_m: radius_m / 5.0 }).collect();
-        let mut watch = PlateWatch::new(&table, size, &kinds, dark);
-        let mut rng = Streams::new(seed).stream("noise");
-        let mut frame = Frame::new(size[0], size[1]);
-        for least in [0, 100, 200] {
-            frame.pixels.fill_with(|| least + rng.random_range(0..56u8));
-            let sight = watch.check(&frame, &tracks(&[penny(0.0, 0.0), penny(0.3, 1e9)]));
-            prop_assert!((0.0..=1.0).contains(&sight.hidden_share));
-        }
-    }
 }

@@ -153,11 +153,4 @@ mod tests {
             prop_assert!(gap(found, wanted) < 1e-9, "{found:?} {wanted:?}");
         }
     }
-
-    #[test]
-    fn coils_are_unknown_without_fields_or_with_an_axis_that_no_entry_moves() {
-        let plate = Matrix3::from_diagonal_element(1e-3);
-        let unmoved = Library { fields: None, ..library(&plate, [AxisShape::FREE_MASS; 3], &AMPLITUDES[3..4]) };
-        assert_eq!((unmoved.field_coils(), unmoved.rotation_coils()), (None, None));
-    }
 }

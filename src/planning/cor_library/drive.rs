@@ -164,15 +164,6 @@ mod tests {
     }
 
     #[test]
-    fn equal_shapes_remove_only_the_common_part_of_the_amplitudes() {
-        let drive = drive_for(Around, [-250, 10, 128, 112], &[AxisShape::FREE_MASS; 3], &FREE, 377.0, ENVELOPE);
-        let kept = drive.motors.each_ref().map(|harmonics| harmonics[0].cos);
-        assert_eq!(kept, [-250.0, 10.0, 128.0, 112.0], "these four sum to zero");
-        let squeezed = drive_for(Around, [-150, 110, 228, 212], &[AxisShape::FREE_MASS; 3], &FREE, 377.0, ENVELOPE);
-        assert_eq!(squeezed, drive, "a common part of 100 counts moves nothing");
-    }
-
-    #[test]
     fn longer_pulses_rest_longer() {
         let belt = testing::library([Twist::new(0.5, 0.0, 0.0)]);
         let mut library = Library { base_radps: 377.0, attack_s: 0.03, rest_s: 0.04, ..belt };

@@ -98,20 +98,6 @@ proptest! {
 }
 
 #[test]
-fn unmeasured_wave_has_no_drive() {
-    let one = TwistWave { base_radps: BASE_RADPS, harmonics: vec![TwistHarmonic::default(); 5] };
-    let measured = library(responses(0.1, [0.0; 6]));
-    assert_eq!(measured.field_drive(&one, Follows::Velocity, 0.1), None, "five harmonics of four");
-    let other = TwistWave { base_radps: 1.001 * BASE_RADPS, harmonics: Vec::new() };
-    assert_eq!(measured.field_drive(&other, Follows::Velocity, 0.1), None);
-    let bare = Library { fields: None, ..measured };
-    assert_eq!(
-        bare.field_drive(&TwistWave { base_radps: BASE_RADPS, harmonics: Vec::new() }, Follows::Velocity, 0.1),
-        None
-    );
-}
-
-#[test]
 fn values_no_rig_has_are_reported() {
     let fault_lines = |change: &dyn Fn(&mut FieldResponse)| -> Vec<String> {
         let mut bad = library(responses(0.1, [0.0; 6]));

@@ -82,7 +82,7 @@ fn in_lines(json: &str) -> String {
 mod tests {
     use super::*;
     use crate::cor_library::fields_tests::rig_of;
-    use crate::cor_library::{DisplacementModel, Entry, testing};
+    use crate::cor_library::{DisplacementModel, Entry, PlateResponse, testing};
     use proptest::prelude::*;
     use std::f64::consts::TAU;
     use upm_core::geometry::Twist;
@@ -114,10 +114,12 @@ mod tests {
         #[test]
         fn comes_back_from_its_file(
             more in proptest::collection::vec(entry(), 0..20), base_hz in 10.0..200.0f64, beside: bool,
+            natural_hz in proptest::array::uniform3(0.1..10_000.0f64), damping_ratio in proptest::array::uniform3(0.0..10.0f64),
         ) {
             let motor_arrangement = MotorArrangement::ALL[usize::from(beside)];
             let entries = three().into_iter().chain(more).collect();
-            let saved = Library { base_radps: TAU * base_hz, motor_arrangement, ..library(entries) };
+            let plate = PlateResponse { natural_radps: natural_hz.map(|hz| TAU * hz), damping_ratio };
+            let saved = Library { base_radps: TAU * base_hz, motor_arrangement, plate: Some(plate), ..library(entries) };
             let text = saved.to_json();
             let read = Library::from_json(&text, "l.json").unwrap();
             for (a, b) in saved.entries.iter().zip(&read.entries) {
@@ -129,6 +131,11 @@ mod tests {
             prop_assert_eq!(saved.motor_arrangement, read.motor_arrangement);
             prop_assert_eq!(saved.entries.len(), read.entries.len());
             prop_assert_eq!(read.to_json(), text, "reading and writing again changes no byte");
+            let plate = read.plate.unwrap();
+            for axis in 0..3 {
+                prop_assert!((plate.natural_radps[axis] / TAU - natural_hz[axis]).abs() < 0.51e-4);
+                prop_assert!((plate.damping_ratio[axis] - damping_ratio[axis]).abs() < 0.51e-4);
+            }
         }
     }
 
@@ -228,7 +235,15 @@ mod tests {
             fault_lines(&bad.to_json())
         };
         type Change = fn(&mut Library);
-        let cases: [(Change, &str); 6] = [
+        fn plate(library: &mut Library) -> &mut PlateResponse {
+            library.plate.insert(PlateResponse { natural_radps: [TAU * 5.0; 3], damping_ratio: [0.2; 3] })
+        }
+        let cases: [(Change, &str); 8] = [
+            (|l| plate(l).natural_radps[1] = 0.0, "plate.natural_hz.y: expected a number from 0.1 to 10000, found 0"),
+            (
+                |l| plate(l).damping_ratio[2] = -0.1,
+                "plate.damping_ratio.spin: expected a number from 0 to 10, found -0.1",
+            ),
             (|l| l.shapes[2].0[1].sin = 1e300, "shapes.spin[1][1]: expected a number from -1000 to 1000, found 1e+300"),
             (|l| l.attack_s = 101.0, "attack_s: expected a number from 0 to 100, found 101"),
             (

@@ -34,35 +34,3 @@ impl<K: Clone + PartialEq, V> Cache<K, V> {
         place
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use std::sync::atomic::{AtomicUsize, Ordering};
-
-    use super::*;
-
-    #[test]
-    fn values_are_those_asked_for_and_those_in_use_stay() {
-        let cache = Cache::new();
-        for i in (1..2 * (CAPACITY + 2)).map(|i| i % (CAPACITY + 2)) {
-            assert_eq!((*cache.get(i, |&i| 10 * i), *cache.get(i, |_| unreachable!())), (10 * i, 10 * i));
-            assert_eq!(*cache.get(100, |_| if i == 1 { 7 } else { unreachable!() }), 7);
-            assert!(cache.0.lock().len() <= CAPACITY);
-        }
-    }
-
-    #[test]
-    fn value_that_several_threads_ask_for_at_once_is_computed_once() {
-        let (cache, barrier) = (Cache::new(), std::sync::Barrier::new(CAPACITY));
-        let computed = AtomicUsize::new(0);
-        std::thread::scope(|scope| {
-            for _ in 0..CAPACITY {
-                scope.spawn(|| {
-                    barrier.wait();
-                    cache.get(1, |_| computed.fetch_add(1, Ordering::Relaxed))
-                });
-            }
-        });
-        assert_eq!(computed.into_inner(), 1);
-    }
-}

@@ -3,7 +3,7 @@ use std::sync::atomic::Ordering;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::testing::{job_in_configs, options};
+use super::testing::{job_in_configs, options, played};
 use super::*;
 use upm_control::FrameFacts;
 use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
@@ -21,20 +21,7 @@ fn job(task: &Value, plate_time_s: f64) -> JobSpec {
 }
 
 fn report_of(task: &Value, plate_time_s: f64) -> Report {
-    let (out, stop) = (TempDir::new().unwrap(), AtomicBool::new(false));
-    let mut watcher = Fanout::default();
-    let job = job(task, plate_time_s);
-    run(
-        &job,
-        job_library(&job).unwrap(),
-        &options(&out),
-        &MonotonicClock::new(),
-        &stop,
-        &PacingStats::default(),
-        &mut watcher,
-    )
-    .unwrap()
-    .report
+    played(&job(task, plate_time_s)).1.report
 }
 
 /// Requests a run to give way in the first frame of a pulse after `after_s`.

@@ -3,11 +3,10 @@ use std::sync::LazyLock;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::testing::{job_in_configs, options, with_small_pictures};
+use super::testing::{job_in_configs, played, with_small_pictures};
 use super::*;
 use crate::config::PlannerChoice;
 use upm_core::job::{CameraMode, Finding, Outcome, StopCause};
-use upm_core::time::MonotonicClock;
 use upm_recording::Verdict as Truth;
 
 /// Two pennies that are moved by 40 mm each, with `faults`.
@@ -59,21 +58,6 @@ fn parts_arrive_without_a_pause_and_the_senses_watch_them() {
 
 fn run_of(faults: &Value) -> (TempDir, RunResult) {
     played(&job(faults))
-}
-
-fn played(job: &JobSpec) -> (TempDir, RunResult) {
-    let (out, stop) = (TempDir::new().unwrap(), AtomicBool::new(false));
-    let done = run(
-        job,
-        job_library(job).unwrap(),
-        &options(&out),
-        &MonotonicClock::new(),
-        &stop,
-        &PacingStats::default(),
-        &mut Fanout::default(),
-    )
-    .unwrap();
-    (out, done)
 }
 
 fn bytes(done: &RunResult, name: &str) -> String {
@@ -231,4 +215,17 @@ fn completed_run_whose_parts_truly_are_elsewhere_is_a_false_success() {
         let failed = Report { outcome: Outcome::Failed, ..displaced(5.0) };
         assert_eq!(verdict(&job, &failed), Some(Truth::True), "it does not say that it is done");
     }
+}
+
+/// Four coins that are moved by one rotation after the other.
+#[test]
+fn camera_that_shows_no_plate_is_waited_for_and_then_ends_the_run_in_the_middle_of_a_cycle() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/arrange-4-cor.json");
+    let job = with_small_pictures(JobSpec::load(std::path::Path::new(file)).unwrap());
+    let (_folder, done) = played(&job.with_faults(&["camera:dark@1".to_owned()]).unwrap());
+    let Report { outcome, stop, plate_time_s, reason, .. } = &done.report;
+    assert_eq!(stop.as_ref().map(|stop| stop.code), Some(StopCause::Found(Finding::CameraDark)), "{reason}");
+    assert!(*outcome == Outcome::Failed && reason.contains("check the light"), "{reason}");
+    assert!((6.0..7.0).contains(plate_time_s), "{plate_time_s}");
+    assert!(bytes(&done, "journal.jsonl").contains("unfinished_cycle"));
 }

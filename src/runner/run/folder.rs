@@ -156,16 +156,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reopened_folder_reports_the_files_in_it() {
-        let out = tempfile::TempDir::new().unwrap();
-        let folder = RunFolder::reopen(out.path()).unwrap();
-        assert!(folder.files().is_empty());
-        folder.write_json("report.json", &1).unwrap();
-        fs::create_dir(out.path().join("run.rrd")).unwrap();
-        assert_eq!(folder.files(), ["report.json"]);
-    }
-
-    #[test]
     fn only_a_folder_is_opened_again() {
         let out = tempfile::TempDir::new().unwrap();
         assert!(RunFolder::reopen(&out.path().join("none")).is_none());

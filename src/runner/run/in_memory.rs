@@ -115,19 +115,19 @@ impl<'a> InMemoryRun<'a> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
     use std::sync::LazyLock;
 
     use serde_json::{Value, json};
 
     use super::*;
-    use crate::config::{Origin, PlannerChoice};
-    use crate::run::{PacingStats, RunOptions, Verification, run, verify};
+    use crate::config::PlannerChoice;
+    use crate::run::testing::{job_in_configs, played};
+    use crate::run::{Verification, verify};
     use upm_core::geometry::Vec2;
     use upm_core::job::{CameraMode, Finding, Outcome, StopCause};
-    use upm_core::time::{MonotonicClock, PlateTime};
+    use upm_core::time::PlateTime;
     use upm_planning::task::Setpoints;
-    use upm_recording::{RecordingOptions, RerunMode, Verdict};
+    use upm_recording::Verdict;
 
     fn job(faults: Value) -> JobSpec {
         let text = json!({
@@ -135,8 +135,7 @@ mod tests {
             "parts": [{"kind": "penny", "position_mm": [-30, 0]}, {"kind": "dime", "position_mm": [30, 0]}],
             "task": {"type": "arrange", "targets_mm": [[-24, 6], [28, -3]]},
         });
-        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
-        JobSpec::from_json(&text.to_string(), &Origin::of_file(&file), None).unwrap()
+        job_in_configs(&text)
     }
 
     /// Report of a run in memory of the job without faults.
@@ -144,22 +143,6 @@ mod tests {
 
     fn dropped_frames() -> Value {
         json!([{"component": "camera", "kind": "drop", "value": 0.3, "from_s": 0.2}])
-    }
-
-    /// Report of a run of the job with a folder in `out` and without pacing.
-    fn written(job: &JobSpec, out: &Path) -> Report {
-        let options = RunOptions {
-            out: out.to_owned(),
-            started_utc: "20260101T000000Z".into(),
-            rerun: RerunMode::Off,
-            real_time: false,
-            recording_options: RecordingOptions::lossless(MonotonicClock::new()),
-        };
-        let mut sink = Fanout::default();
-        let stop = AtomicBool::new(false);
-        run(job, job_library(job).unwrap(), &options, &StoppedClock, &stop, &PacingStats::default(), &mut sink)
-            .unwrap()
-            .report
     }
 
     #[test]
@@ -171,9 +154,7 @@ mod tests {
             {"type": "arrange", "targets_mm": [[24, 6], [-28, -3]]},
         ]);
         text["repeat"] = 2.into();
-        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
-        let listed = JobSpec::from_json(&text.to_string(), &Origin::of_file(&file), None).unwrap();
-        let report = InMemoryRun::new(&listed.with_camera(CameraMode::Positions)).unwrap().run();
+        let report = InMemoryRun::new(&job_in_configs(&text).with_camera(CameraMode::Positions)).unwrap().run();
         assert_eq!((report.outcome, report.work.tasks_from_s.len()), (Outcome::Completed, 6), "{}", report.reason);
         assert!(report.work.tasks_from_s.is_sorted() && report.accuracy.max_error_mm < Some(0.5), "{report:?}");
         assert_eq!(report.verdict, Some(Verdict::True));
@@ -185,10 +166,9 @@ mod tests {
             let has_faults = !job.faults.is_empty();
             let report = if has_faults { InMemoryRun::new(&job).unwrap().run() } else { PLAIN.clone() };
             assert_eq!((report.outcome, report.camera), (Outcome::Completed, job.camera), "{}", report.reason);
-            let out = tempfile::TempDir::new().unwrap();
-            assert_eq!(report, written(&job, out.path()));
-            let folder = out.path().read_dir().unwrap().next().unwrap().unwrap().path();
-            let verified = verify(&folder, &AtomicBool::new(false), &mut Fanout::default()).unwrap();
+            let (_out, done) = played(&job);
+            assert_eq!(report, done.report);
+            let verified = verify(&done.folder, &AtomicBool::new(false), &mut Fanout::default()).unwrap();
             assert!(matches!(verified, Verification::Equal { extent: crate::run::Extent::Whole, .. }), "{verified:?}");
         }
     }

@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::in_memory::InMemoryRun;
-use super::testing::job_in_configs;
+use super::testing::{as_its_rig, job_in_configs};
 use crate::config::JobSpec;
 use upm_core::job::{CameraMode, Outcome};
 use upm_core::rig::{Rig, RigError};
@@ -25,18 +25,12 @@ struct LateRig {
 }
 
 impl Rig for LateRig {
-    fn now(&self) -> PlateTime {
-        self.rig.now()
-    }
+    as_its_rig! { now takes_over settled_at capture trace }
 
     fn play(&mut self, drive: &Drive) -> Result<(), RigError> {
         self.calls.push('p');
         self.began = self.now();
         self.rig.play(drive)
-    }
-
-    fn takes_over(&self) -> bool {
-        true
     }
 
     fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigError> {
@@ -55,18 +49,6 @@ impl Rig for LateRig {
         });
         self.began = begins.clone().unwrap_or(self.began);
         begins
-    }
-
-    fn settled_at(&self) -> PlateTime {
-        self.rig.settled_at()
-    }
-
-    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigError> {
-        self.rig.capture(frame)
-    }
-
-    fn trace(&self) -> AccelTrace {
-        self.rig.trace()
     }
 
     fn stop(&mut self) {

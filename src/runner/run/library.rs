@@ -113,8 +113,6 @@ impl Drop for LibraryOutput {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
 
     #[test]
@@ -128,11 +126,6 @@ mod tests {
         let unfit = rig_library(&other).unwrap_err();
         assert!(unfit.iter().any(|fault| fault.path == "fingerprint"), "{unfit:?}");
     }
-}
-
-#[cfg(test)]
-mod library_output_tests {
-    use super::*;
 
     fn rig() -> RigSpec {
         RigSpec::load(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/rigs/upm-1.json"))

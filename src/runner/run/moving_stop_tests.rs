@@ -8,7 +8,7 @@ use rand_distr::{Distribution, Uniform};
 use serde_json::json;
 
 use super::in_memory::InMemoryRun;
-use super::testing::job_in_configs;
+use super::testing::{as_its_rig, job_in_configs};
 use crate::config::{JobSpec, place_parts};
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::job::CameraMode;
@@ -46,38 +46,16 @@ struct Played {
 }
 
 impl Rig for LoggedRig {
-    fn now(&self) -> PlateTime {
-        self.rig.now()
-    }
+    as_its_rig! { now takes_over settled_at capture trace stop }
 
     fn play(&mut self, drive: &Drive) -> Result<(), RigError> {
         self.log.push(Played { at: self.now(), drive: drive.clone(), takes_over: false });
         self.rig.play(drive)
     }
 
-    fn takes_over(&self) -> bool {
-        true
-    }
-
     fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigError> {
         self.log.push(Played { at: self.now(), drive: drive.clone(), takes_over: true });
         self.rig.take_over(drive)
-    }
-
-    fn settled_at(&self) -> PlateTime {
-        self.rig.settled_at()
-    }
-
-    fn capture(&mut self, frame: &mut Frame) -> Result<(), RigError> {
-        self.rig.capture(frame)
-    }
-
-    fn trace(&self) -> AccelTrace {
-        self.rig.trace()
-    }
-
-    fn stop(&mut self) {
-        self.rig.stop();
     }
 }
 

@@ -92,17 +92,14 @@ fn length_m(path: &PathParams, in_phase: bool) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use serde_json::{Value, json};
 
     use super::*;
-    use crate::config::Origin;
     use crate::run::job_library;
+    use crate::run::testing::job_in_configs;
 
     /// Warnings of pennies on these paths of `upm-2`.
     fn warned(planner: &str, paths: &Value, in_phase: bool, plate_time_s: f64) -> Vec<String> {
-        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
         let count = |path: &Value| path["count"].as_u64().unwrap_or(1);
         let pennies: u64 = paths.as_array().unwrap().iter().map(count).sum();
         let job = json!({
@@ -110,7 +107,7 @@ mod tests {
             "task": {"type": "trajectories", "paths": paths, "in_phase": in_phase},
             "planner": planner, "limits": {"plate_time_s": plate_time_s},
         });
-        let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(&file), None).unwrap();
+        let job = job_in_configs(&job);
         let warnings = job_warnings(&job, &job_library(&job).unwrap());
         warnings.iter().map(|warning| format!("{}: {}", warning.path, warning.expected)).collect()
     }
@@ -143,14 +140,13 @@ mod tests {
 
     #[test]
     fn tasks_of_a_list_are_told_apart_and_their_times_added() {
-        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
         let line = |speed: f64| json!({"waypoints_mm": [[-50, 0], [50, 0]], "speed_mm_s": speed});
         let task = |speed: f64| json!({"type": "trajectories", "paths": [line(speed)]});
         let job = json!({
             "name": "two", "rig": "rigs/upm-2.json", "parts": [{"kind": "penny"}],
             "tasks": [task(10.0), task(500.0)], "repeat": 3, "limits": {"plate_time_s": 30},
         });
-        let job = JobSpec::from_json(&job.to_string(), &Origin::of_file(&file), None).unwrap();
+        let job = job_in_configs(&job);
         let warnings = job_warnings(&job, &job_library(&job).unwrap());
         let told: Vec<&str> = warnings.iter().map(|warning| warning.path.as_str()).collect();
         assert_eq!(told, ["tasks[1].paths[0].speed_mm_s", "limits.plate_time_s"]);

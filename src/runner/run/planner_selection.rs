@@ -97,9 +97,9 @@ mod tests {
 
     use super::*;
     use crate::config::Origin;
+    use crate::run::testing::job_in_configs;
 
     fn selection(rig: &str, pennies: usize, planner: Value) -> PlannerSelection {
-        let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
         let mut job = json!({
             "name": "made", "rig": format!("rigs/{rig}.json"), "parts": [{"kind": "penny", "count": pennies}],
             "task": {"type": "hold", "duration_s": 1}, "planner": planner,
@@ -107,7 +107,7 @@ mod tests {
         if planner == Value::Null {
             job.as_object_mut().unwrap().remove("planner");
         }
-        PlannerSelection::of(&JobSpec::from_json(&job.to_string(), &Origin::of_file(&folder), None).unwrap())
+        PlannerSelection::of(&job_in_configs(&job))
     }
 
     #[test]
@@ -163,13 +163,5 @@ mod tests {
         assert_eq!(named.report.chosen, SelectedBy::Job);
         let without_fields = selection("upm-1", 4, json!("pseudo_inverse"));
         assert_eq!(without_fields.report.alternatives, ["cor_sequence"]);
-    }
-
-    #[test]
-    fn code_of_every_planner_is_its_name_in_a_job_file() {
-        for planner in [PlannerChoice::CorSequence, PlannerChoice::SynthesizedField, PlannerChoice::PseudoInverse] {
-            let in_file = serde_json::to_value(planner).unwrap();
-            assert_eq!(json!(selection("upm-2", 2, in_file.clone()).report.name), in_file);
-        }
     }
 }

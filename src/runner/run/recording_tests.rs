@@ -1,9 +1,10 @@
 use std::path::Path;
 
 use serde_json::{Value, json};
+use tempfile::TempDir;
 
+use super::testing::{job_in_configs, options};
 use super::*;
-use crate::config::Origin;
 use upm_control::FrameFacts;
 use upm_core::time::MonotonicClock;
 use upm_recording::{RecordingHandle, RecordingState};
@@ -20,38 +21,16 @@ impl Sink for FailsAt {
 }
 
 /// Runs two seconds of a job whose recording fails at a frame.
-fn run_until(out: &Path, frame: u64) -> (RunResult, RecordingState) {
-    let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
-    let text = json!({
-        "name": "short",
-        "rig": "rigs/upm-2.json",
-        "planner": "synthesized_field",
-        "parts": [{"kind": "penny"}],
-        "task": {"type": "plus_sign", "laps": 1, "edge_margin_mm": 50},
-        "limits": {"plate_time_s": 2},
-    });
-    let job = JobSpec::from_json(&text.to_string(), &origin, None).unwrap();
-    let clock = MonotonicClock::new();
-    let recording_options = RecordingOptions::lossless(clock);
-    let recording = recording_options.recording.clone();
-    let options = RunOptions {
-        out: out.to_owned(),
-        started_utc: "20260101T000000Z".into(),
-        rerun: RerunMode::Save,
-        real_time: false,
-        recording_options,
-    };
-    let mut watcher = FailsAt(frame, recording.clone());
-    let done = run(
-        &job,
-        job_library(&job).unwrap(),
-        &options,
-        &clock,
-        &AtomicBool::new(false),
-        &PacingStats::default(),
-        &mut watcher,
-    )
-    .unwrap();
+fn run_until(out: &TempDir, frame: u64) -> (RunResult, RecordingState) {
+    let job = job_in_configs(&json!({
+        "name": "short", "rig": "rigs/upm-2.json", "planner": "synthesized_field", "parts": [{"kind": "penny"}],
+        "task": {"type": "plus_sign", "laps": 1, "edge_margin_mm": 50}, "limits": {"plate_time_s": 2},
+    }));
+    let options = RunOptions { rerun: RerunMode::Save, ..options(out) };
+    let recording = options.recording_options.recording.clone();
+    let (library, clock, stop) = (job_library(&job).unwrap(), MonotonicClock::new(), AtomicBool::new(false));
+    let (pacing, mut watcher) = (PacingStats::default(), FailsAt(frame, recording.clone()));
+    let done = run(&job, library, &options, &clock, &stop, &pacing, &mut watcher).unwrap();
     (done, recording.state())
 }
 
@@ -64,8 +43,8 @@ fn warnings(folder: &Path) -> Vec<Value> {
 
 #[test]
 fn run_continues_without_its_recording_and_warns() {
-    let out = tempfile::tempdir().unwrap();
-    let (done, state) = run_until(out.path(), 30);
+    let out = TempDir::new().unwrap();
+    let (done, state) = run_until(&out, 30);
     assert_eq!(state, RecordingState::Failed("the disk is full".into()));
     assert!(done.report.work.frames > 100, "{}", done.report.work.frames);
     let text = "the recording ends early: the disk is full";

@@ -6,9 +6,8 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use super::controls::TOO_BUSY;
-use super::testing::options;
+use super::testing::{job_in_configs, options};
 use super::*;
-use crate::config::Origin;
 use upm_control::{FrameFacts, PulseFacts};
 use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
 use upm_core::rig::{RigError, Trip};
@@ -23,12 +22,11 @@ fn job() -> JobSpec {
 
 /// A penny that is moved by some millimetres, with these deadlines.
 fn short_job(deadlines: &str) -> JobSpec {
-    let text = serde_json::json!({
+    job_in_configs(&serde_json::json!({
         "name": "short", "rig": "rigs/upm-1.json", "deadlines": deadlines,
         "parts": [{"kind": "penny", "position_mm": [0, 0]}],
         "task": {"type": "arrange", "targets_mm": [[12, 0]]},
-    });
-    JobSpec::from_json(&text.to_string(), &Origin::of_file(&config_file("short.json")), None).unwrap()
+    }))
 }
 
 /// Calls a function once, in a frame of a pulse.
@@ -261,26 +259,13 @@ fn impossible_job_is_reported_beforehand_and_leaves_its_reason() {
     assert!(report.reason.contains("not all placed") && report.outcome == Outcome::Failed, "{report:?}");
 }
 
-#[test]
-fn one_interlock_serves_one_run_at_a_time() {
-    let (plate, out) = (StoppedPlate::default(), TempDir::new().unwrap());
-    let busy = plate.interlock.attach(PlateTime::ZERO).unwrap();
-    let job = job();
-    let folder = RunFolder::create(out.path(), &job, "20260101T000000Z").unwrap();
-    let mut watcher = upm_recording::Fanout::default();
-    let library = job_library(&job).unwrap();
-    let done = run_linked(&job, library, folder, &options(&out), &*plate.clock, plate.controls(&|| None), &mut watcher);
-    assert!(matches!(done, Err(RunError::Rig(_))), "{done:?}");
-    drop(busy);
-}
-
 /// A job whose parts find no places.
 fn crowded() -> JobSpec {
     let text = std::fs::read_to_string(config_file("plus-sign.json")).unwrap();
     let mut job: Value = serde_json::from_str(&text).unwrap();
     job["parts"] = serde_json::json!([{"kind": "quarter", "count": 42}]);
     job["task"] = serde_json::json!({"type": "hold", "duration_s": 1});
-    JobSpec::from_json(&job.to_string(), &Origin::of_file(&config_file("job.json")), None).unwrap()
+    job_in_configs(&job)
 }
 
 fn config_file(name: &str) -> PathBuf {

@@ -299,19 +299,4 @@ mod tests {
             assert_eq!(differs_at(&format!("a\nb\n{ended}"), "a\nb\nc\n"), 3);
         }
     }
-
-    #[test]
-    fn repetition_stops_once_verdict_is_decided() {
-        let stopped = format!("a\nb\n{}", event("in words", r#","outcome":"cancelled","code":"interrupted""#));
-        for (recorded, repeated, lines) in [(stopped.as_str(), ["a\n", "b\n"], 2), ("a\nb\n", ["x\n", "b\n"], 1)] {
-            let enough = AtomicBool::new(false);
-            let mut repetition = Repetition::of(recorded, false, &enough);
-            let taken = repeated.iter().take_while(|line| {
-                repetition.write_all(line.as_bytes()).unwrap();
-                !enough.load(Ordering::Relaxed)
-            });
-            assert_eq!(taken.count() + 1, lines, "{recorded}");
-            assert!(enough.load(Ordering::Relaxed));
-        }
-    }
 }

@@ -153,15 +153,4 @@ mod tests {
         let stop_all = |o: &mut Observed| o.plates.iter_mut().for_each(|plate| plate.state = PlateState::Stopped);
         unready(stop_all, "an emergency stop holds on every plate");
     }
-
-    #[test]
-    fn every_reason_is_reported() {
-        let (dead, unready) = failures(|o| {
-            o.store_silence = Duration::from_secs(9);
-            o.plates_alive = Err("the worker of plate left has died".to_owned());
-            o.is_stopping = true;
-        });
-        assert_eq!((dead.len(), unready.len()), (2, 3));
-        assert!(unready.starts_with(&dead));
-    }
 }

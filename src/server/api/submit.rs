@@ -137,16 +137,3 @@ fn submitted(accepted: SubmitOutcome) -> Result<(Job, bool), Problem> {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn idempotency_key_is_bound_to_text_and_pace() {
-        let asked = [("{}", None), ("{}", Some(Pace::RealTime)), ("{}", Some(Pace::Max)), ("{} ", None)];
-        let different: std::collections::BTreeSet<_> = asked.map(|(text, pace)| sha256_of(text, pace)).into();
-        assert_eq!(different.len(), asked.len());
-        assert_eq!(sha256_of("{}", None), sha256_of("{}", None));
-    }
-}

@@ -256,13 +256,6 @@ mod tests {
 
     use super::*;
 
-    fn spec_at(listen: SocketAddr, stop_listen: SocketAddr) -> DaemonSpec {
-        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/daemon.json");
-        let mut spec = DaemonSpec::load(&file).unwrap();
-        (spec.listen, spec.stop_listen) = (listen, Some(stop_listen));
-        spec
-    }
-
     #[test]
     fn addresses_in_use_are_reported() {
         let taken = || TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
@@ -275,7 +268,8 @@ mod tests {
             };
             Daemon::refused_addresses(spec).into_iter().map(address).collect()
         };
-        let mut spec = spec_at(listen, stop);
+        let file = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/daemon.json");
+        let mut spec = DaemonSpec { listen, stop_listen: Some(stop), ..DaemonSpec::load(&file).unwrap() };
         assert_eq!(refused(&spec), [listen, stop]);
         spec.stop_listen = None;
         assert_eq!(refused(&spec), [listen]);

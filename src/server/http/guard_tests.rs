@@ -23,37 +23,16 @@ async fn status(listen: &str, path: &str, headers: &[(&str, &str)]) -> u16 {
 
 #[tokio::test]
 async fn only_hosts_of_the_daemon_are_allowed() {
-    let table = [
-        ("localhost", 200),
-        ("LocalHost:8750", 200),
-        ("localhost.:8750", 200),
-        ("127.0.0.1", 200),
-        ("[::1]:8750", 200),
-        ("[::ffff:127.0.0.1]:8750", 200),
-        ("rig.example", 200),
-        ("RIG.example.:443", 200),
-        ("evil.example", 403),
-        ("localhost.evil.example", 403),
-        ("127.0.0.1.evil.example", 403),
-        ("127.0.0.2", 403),
-        ("2130706433", 403),
-        ("0x7f.1", 403),
-        ("127.1", 403),
-        ("10.0.0.8", 403),
-        ("localhost..", 403),
-        ("", 400),
-        (":8750", 400),
-        ("localhost:80a", 400),
-        ("localhost:123456", 400),
-        ("::1", 400),
-        ("[localhost]", 400),
-        ("[::1]x", 400),
-        ("user@localhost", 400),
-        ("localhost evil", 400),
-        ("lo\u{441}alhost", 400),
-    ];
-    for (host, wanted) in table {
-        assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &[("host", host)]).await, wanted, "{host:?}");
+    let ours = "localhost|LocalHost:8750|localhost.:8750|127.0.0.1|[::1]:8750|[::ffff:127.0.0.1]:8750|rig.example|\
+        RIG.example.:443";
+    let others = "evil.example|localhost.evil.example|127.0.0.1.evil.example|127.0.0.2|2130706433|0x7f.1|127.1|\
+        10.0.0.8|localhost..";
+    let malformed = "|:8750|localhost:80a|localhost:123456|::1|[localhost]|[::1]x|user@localhost|localhost evil|\
+        lo\u{441}alhost";
+    for (hosts, wanted) in [(ours, 200), (others, 403), (malformed, 400)] {
+        for host in hosts.split('|') {
+            assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &[("host", host)]).await, wanted, "{host:?}");
+        }
     }
     assert_eq!(status("127.0.0.1:8750", "/", &[]).await, 400, "no Host, as HTTP/1.0 allows");
     let twice = [("host", "localhost"), ("host", "localhost")];
@@ -80,22 +59,13 @@ async fn any_ip_address_is_allowed_as_host_when_listening_on_all() {
 
 #[tokio::test]
 async fn only_origins_of_the_daemon_are_allowed() {
-    let table = [
-        ("http://localhost:8750", 200),
-        ("https://localhost:8750", 200),
-        ("https://rig.example", 403),
-        ("http://localhost:3000", 403),
-        ("http://127.0.0.1:8750", 403),
-        ("http://evil.example", 403),
-        ("http://localhost:8750@evil.example", 403),
-        ("http://localhost:8750/", 403),
-        ("ftp://localhost:8750", 403),
-        ("null", 403),
-        ("", 403),
-    ];
-    for (origin, wanted) in table {
-        let headers = [("host", "localhost:8750"), ("origin", origin)];
-        assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &headers).await, wanted, "{origin:?}");
+    let others = "https://rig.example|http://localhost:3000|http://127.0.0.1:8750|http://evil.example|null||\
+        http://localhost:8750@evil.example|http://localhost:8750/|ftp://localhost:8750";
+    for (origins, wanted) in [("http://localhost:8750|https://localhost:8750", 200), (others, 403)] {
+        for origin in origins.split('|') {
+            let headers = [("host", "localhost:8750"), ("origin", origin)];
+            assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &headers).await, wanted, "{origin:?}");
+        }
     }
     let both = [("host", "localhost:8750"), ("origin", "http://localhost:8750"), ("origin", "http://evil.example")];
     assert_eq!(status("127.0.0.1:8750", "/v1/jobs", &both).await, 403);

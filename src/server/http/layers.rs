@@ -81,34 +81,3 @@ fn is_alarming(path: &str, status: u16) -> bool {
     let is_probe = path.ends_with("/healthz") || path.ends_with("/readyz");
     status >= 500 && !(is_probe && status == 503)
 }
-
-#[cfg(test)]
-mod tests {
-    use axum::body::Body;
-    use axum::routing::get;
-    use http_body_util::BodyExt;
-    use tower::ServiceExt;
-
-    use super::*;
-    use crate::http::ProblemDocument;
-
-    #[test]
-    fn failed_probe_is_not_logged_as_a_warning() {
-        let alarming = [("/readyz", 503), ("/readyz", 500), ("/v1/jobs", 503), ("/v1/jobs", 429)];
-        assert_eq!(alarming.map(|(path, status)| is_alarming(path, status)), [false, true, true, false]);
-    }
-
-    #[tokio::test]
-    async fn a_problem_carries_the_name_of_its_request() {
-        let app = Router::new()
-            .route("/", get(|| async { Problem::new(StatusCode::NOT_FOUND, "nothing here") }))
-            .layer(from_fn(identify));
-        let request = Request::get("/").header("x-request-id", "mine").body(Body::empty()).unwrap();
-        let response = app.oneshot(request).await.unwrap();
-        let id = response.headers()["x-request-id"].to_str().unwrap().to_owned();
-        assert_eq!(id.len(), 32);
-        let body = response.into_body().collect().await.unwrap().to_bytes();
-        let document: ProblemDocument = serde_json::from_slice(&body).unwrap();
-        assert_eq!(document.instance, Some(format!("urn:upm:request:{id}")));
-    }
-}

@@ -142,28 +142,3 @@ impl IntoResponse for Problem {
         response
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use upm_core::document::Path;
-
-    #[test]
-    fn a_problem_is_sent_as_its_document() {
-        let fault = Diagnostic::new("job", Path::root().key("seed"), "\"x\"", "a whole number");
-        let problem = Problem::of_document(vec![fault]);
-        assert_eq!(
-            serde_json::to_value(&problem.document).unwrap(),
-            serde_json::json!({
-                "title": "Unprocessable Entity", "status": 422,
-                "detail": "1 fault", "faults": [{"path": "seed", "found": "\"x\"", "allowed": "a whole number"}],
-            })
-        );
-        let response = problem.into_response();
-        assert_eq!(
-            (response.status(), response.headers()[CONTENT_TYPE].as_bytes()),
-            (StatusCode::UNPROCESSABLE_ENTITY, PROBLEM_JSON.as_bytes())
-        );
-        assert_eq!(Problem::busy("in use", 7).into_response().headers()[RETRY_AFTER], "7");
-    }
-}

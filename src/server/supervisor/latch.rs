@@ -143,32 +143,4 @@ mod tests {
             assert!(!latch.write().unwrap() && latch.is_written() && !open(folder.path(), false).is_stopped());
         }
     }
-
-    #[test]
-    fn file_has_the_state_of_the_last_write() {
-        let folder = tempfile::tempdir().unwrap();
-        let latch = open(folder.path(), false);
-        for _ in 0..3 {
-            assert!(latch.stop());
-            assert!(latch.write().unwrap() && open(folder.path(), false).is_stopped());
-            assert!(latch.release(latch.held().unwrap()));
-            assert!(!latch.write().unwrap() && !open(folder.path(), false).is_stopped());
-        }
-        assert_eq!(fs::read(folder.path().join("one")).unwrap(), RELEASED);
-    }
-
-    #[test]
-    fn stop_that_comes_before_a_release_is_not_released_with_it() {
-        let folder = tempfile::tempdir().unwrap();
-        let latch = open(folder.path(), false);
-        assert!(latch.stop());
-        let first = latch.held().unwrap();
-        assert!(!latch.stop(), "it is stopped already, and yet this is another stop");
-        assert!(!latch.release(first) && latch.is_stopped());
-        let second = latch.held().unwrap();
-        assert!(latch.release(second) && !latch.is_stopped());
-        assert!(!latch.release(second), "once");
-        assert_eq!(latch.held(), None);
-        assert!(latch.stop() && !latch.release(second) && latch.is_stopped());
-    }
 }

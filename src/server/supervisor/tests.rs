@@ -1,7 +1,6 @@
 mod guards;
 mod standing;
 mod stops;
-mod views;
 
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
@@ -250,21 +249,6 @@ fn a_stop_outlives_the_daemon() {
     assert_eq!(plate.snapshot().why, "reset after an emergency stop");
 }
 
-#[test]
-fn invalid_job_is_rejected_before_it_is_queued() {
-    let test_plates = TestPlates::new();
-    let plates = test_plates.open(None);
-    let plate = plates.get("one").unwrap();
-    let refusal = |text: &str| plate.rules.validated(text, Pace::Max).unwrap_err()[0].to_string();
-    assert!(refusal(&TWO_COINS.replace("penny", "pennyy")).contains("did you mean penny?"));
-    assert!(refusal(&TWO_COINS.replace("[40, 0]", "[400, 0]")).contains("targets_mm[1]"));
-    assert!(refusal("{").starts_with("job: "));
-    let job = plate.rules.validated(TWO_COINS, Pace::RealTime).unwrap();
-    assert_eq!((job.row.name.as_str(), job.row.plate.as_str(), job.row.seed), ("two", "one", 3));
-    let spec: serde_json::Value = serde_json::from_str(&job.spec_json).unwrap();
-    assert!(spec["rig"].is_null(), "the plate's own rig applies");
-}
-
 #[cfg(target_os = "linux")]
 #[test]
 fn job_with_an_unwritable_journal_is_stopped_and_reports_it() {
@@ -279,4 +263,12 @@ fn job_with_an_unwritable_journal_is_stopped_and_reports_it() {
     let ended = test_plates.ended(&id);
     assert_eq!(ended.state, JobState::Failed);
     assert!(ended.reason.contains("journal.jsonl: the disk is full"), "{}", ended.reason);
+}
+
+#[test]
+fn run_observer_has_no_blocking_call() {
+    let source = include_str!("run_observer.rs");
+    for waits in ["lock(", "recv", ".join(", "park", "sleep", "std::fs", "File", "rustix"] {
+        assert!(!source.contains(waits), "run_observer.rs is called by the control loop and has `{waits}`");
+    }
 }

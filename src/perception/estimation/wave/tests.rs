@@ -119,27 +119,6 @@ fn noise_and_drift_leave_the_wave_alone() {
     }
 }
 
-#[test]
-fn traces_that_cannot_be_fitted_are_refused() {
-    let wave = random_wave(&mut Streams::new(6).stream("wave"), 30.0, 8);
-    let envelope = pulse(30.0, 2.0);
-    let trace = trace_of(&wave, &envelope, RIG, [1.0; CHANNELS], &mut |_, _| 0.0);
-    let fit = |trace: &AccelTrace, envelope: &Envelope, harmonics: usize| {
-        fit_wave(trace, envelope, wave.base_radps, harmonics, &SENSORS)
-    };
-    assert!(fit(&trace, &envelope, 8).is_ok());
-    let short = Envelope { sustain_s: 0.033, ..envelope };
-    assert!(matches!(fit(&trace, &short, 8), Err(FitError::TooShort { .. })));
-    assert!(matches!(fit(&trace, &envelope, 42), Err(FitError::Unreadable(_))), "3.97 samples to a period");
-    assert!(matches!(fit(&trace, &envelope, 0), Err(FitError::TooWeak { .. })));
-    assert!(matches!(fit(&AccelTrace::default(), &envelope, 8), Err(FitError::Unreadable(_))));
-    let cut = AccelTrace { counts: trace.counts.clone().map(|counts| counts[..550].to_vec()), ..trace.clone() };
-    assert!(matches!(fit(&cut, &envelope, 8), Err(FitError::CutShort { .. })));
-    let mut clipped = trace.clone();
-    clipped.counts[1][600] = 1023;
-    assert_eq!(fit(&clipped, &envelope, 8), Err(FitError::Clipped { channel: 1, samples: 1, limit: 1023 }));
-}
-
 /// White noise alone: the coefficients' errors over their standard deviations have a root mean square of 1.
 #[test]
 fn standard_deviations_are_those_of_repeated_fits() {

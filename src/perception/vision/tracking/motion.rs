@@ -64,35 +64,3 @@ impl MotionModel {
         self.variance = [place * left, both * left, (velocity - both * both / total).max(0.0)];
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_steady_motion_is_foreseen_and_dies_out_unseen() {
-        let mut motion = MotionModel::at_rest(Vec2::new(100.0, 100.0), 40.0, [1000, 1000]);
-        let velocity = Vec2::new(3.0, -1.0);
-        for k in 1..=10 {
-            motion.step();
-            let place = Vec2::new(100.0, 100.0) + velocity * f64::from(k);
-            let missed = (motion.place_px - place).norm();
-            assert!(k < 6 || missed < 0.15, "frame {k}: {missed} px");
-            motion.see(place, 1e-3);
-        }
-        let (seen, mut last) = (motion.clone(), motion.place_variance());
-        for _ in 0..20 {
-            motion.step();
-            assert!(motion.place_variance() > last);
-            last = motion.place_variance();
-        }
-        let gone = (motion.place_px - seen.place_px).norm() / velocity.norm();
-        assert!(gone > 15.0 && gone < 20.0, "{gone} frames' way");
-        (0..2000).for_each(|_| motion.step());
-        assert!(motion.velocity_px.norm() < 1e-9);
-        assert!((motion.place_px - seen.place_px).norm() < 51.0 * velocity.norm());
-        assert!(motion.place_variance() <= 1000.0 * 1000.0 / 8.0);
-        motion.see(Vec2::new(500.0, 500.0), 1e-3);
-        assert!((motion.place_px - Vec2::new(500.0, 500.0)).norm() < 0.01 && motion.velocity_px.norm() < 40.0);
-    }
-}

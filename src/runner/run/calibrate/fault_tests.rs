@@ -1,5 +1,6 @@
 //! Small calibrations of a rig with one fault each, which must be refused with the right cause.
 
+use super::super::testing::as_its_rig;
 use super::tests::small;
 use super::*;
 use upm_control::calibration::{CoilError, MiswiredChannel, RigComponent};
@@ -54,9 +55,7 @@ fn swap_coils(drive: &mut Drive, a: usize, b: usize) {
 }
 
 impl Rig for AlteredRig {
-    fn now(&self) -> PlateTime {
-        self.rig.now()
-    }
+    as_its_rig! { now settled_at stop }
 
     fn play(&mut self, drive: &Drive) -> Result<(), RigError> {
         let mut drive = drive.clone();
@@ -66,18 +65,6 @@ impl Rig for AlteredRig {
             _ => {}
         }
         self.rig.play(&drive)
-    }
-
-    fn takes_over(&self) -> bool {
-        true
-    }
-
-    fn take_over(&mut self, drive: &Drive) -> Result<PlateTime, RigError> {
-        self.rig.take_over(drive)
-    }
-
-    fn settled_at(&self) -> PlateTime {
-        self.rig.settled_at()
     }
 
     fn capture(&mut self, frame: &mut Frame) -> Result<(), RigError> {
@@ -100,10 +87,6 @@ impl Rig for AlteredRig {
             trace.counts[channel].iter_mut().for_each(|count| *count = (f64::from(*count) * factor).round() as i16);
         }
         trace
-    }
-
-    fn stop(&mut self) {
-        self.rig.stop();
     }
 }
 

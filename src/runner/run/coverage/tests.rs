@@ -44,21 +44,6 @@ fn a_lone_rotation_moves_nothing_through_its_centre() {
     assert!((gap.distance_m - SQRT_2 * HALF_M).abs() < 1e-12 && (gap.position_m.amax() - HALF_M).abs() < 1e-12);
 }
 
-#[test]
-fn shades_span_least_to_longest_step_and_skip_unreached_places() {
-    let mut coverage = Coverage::of(&library([along(0.5, 0.0), along(0.0, -0.5)]));
-    coverage.places.iter_mut().for_each(|place| place.reach.longest_step_m = 0.026);
-    coverage.places[0].reach.longest_step_m = 0.027;
-    coverage.places[1].reach.longest_step_m = 0.0265;
-    (coverage.places[2].reach.weakest_projection, coverage.places[2].reach.longest_step_m) = (0.01, 0.001);
-    let shades = coverage.shades();
-    assert!([1.0, 0.5, 0.0, 0.0].iter().zip(&shades).all(|(a, b)| (a - b).abs() < 1e-9), "{shades:?}");
-    assert_eq!((coverage.steps_m(), coverage.is_even()), (Some([0.026, 0.027]), false));
-    coverage.places.iter_mut().for_each(|place| place.reach.weakest_projection = 0.0);
-    assert_eq!((coverage.steps_m(), coverage.is_even()), (None, false));
-    assert!(coverage.shades().iter().all(|&shade| shade == 0.0));
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 

@@ -1,12 +1,10 @@
-use std::path::Path;
-
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::config::Origin;
 use crate::run::coverage::fixture::library;
+use crate::run::testing::job_in_configs;
 use upm_core::geometry::Twist;
 
 #[test]
@@ -18,20 +16,6 @@ fn along_x_alone_nothing_goes_up() {
     assert!((first - 2f64.sqrt()).abs() < 1e-12 && second < 1e-7 && one.share() < 1e-7, "{one:?}");
     let (part, direction) = one.weakest.unwrap();
     assert!(part == 0 && direction.x.abs() < 1e-9 && (direction.y.abs() - 1.0).abs() < 1e-9, "{one:?}");
-}
-
-#[test]
-fn flows_that_move_all_parts_alike_have_no_independence() {
-    let made = library([Twist::new(0.5, 0.0, 0.0), Twist::new(0.0, 0.5, 0.0), Twist::new(0.4, 0.4, 0.0)]);
-    let both = Independence::of_rotations(&made, &[Vec2::new(-0.05, 0.0), Vec2::new(0.05, 0.02)]);
-    assert_eq!(both.singular_values.len(), 4);
-    assert!(both.singular_values[1] > 1.0 && both.singular_values[2] < 1e-7, "{both:?}");
-    let alone = Independence::of_rotations(&made, &[Vec2::new(-0.05, 0.0)]);
-    assert!(alone.share() > 0.5, "{alone:?}");
-    let none = Independence::of_rotations(&made, &[]);
-    assert_eq!((none.singular_values.len(), none.weakest, none.share()), (0, None, 0.0));
-    let dead = Independence::of_rotations(&library([Twist::new(0.0, 0.0, 0.0)]), &[Vec2::zeros()]);
-    assert_eq!((dead.singular_values.clone(), dead.share()), (vec![0.0, 0.0], 0.0));
 }
 
 proptest! {
@@ -66,9 +50,7 @@ proptest! {
 
 /// A job on a shipped rig.
 fn job(parts: Value, task: Value) -> JobSpec {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json");
-    let text = json!({"name": "made", "seed": 3, "rig": "rigs/upm-2.json", "parts": parts, "task": task});
-    JobSpec::from_json(&text.to_string(), &Origin::of_file(&folder), None).unwrap()
+    job_in_configs(&json!({"name": "made", "seed": 3, "rig": "rigs/upm-2.json", "parts": parts, "task": task}))
 }
 
 #[test]

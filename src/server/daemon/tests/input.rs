@@ -19,14 +19,9 @@ fn non_utf8_bodies_are_a_problem() {
 #[test]
 fn only_json_is_read() {
     let api = TestApi::new();
-    for media in [
-        "",
-        "text/plain",
-        "application/x-www-form-urlencoded",
-        "application/jsonx",
-        "application/json, text/plain",
-        "application/problem+json",
-    ] {
+    let others = "text/plain|application/x-www-form-urlencoded|application/jsonx|application/json, text/plain|\
+        application/problem+json|";
+    for media in others.split('|') {
         let seen = api.ask(request("POST", "/v1/jobs", &[("content-type", media)], REST));
         assert_eq!(seen.status, 415, "{media}");
     }

@@ -1,10 +1,9 @@
 use std::fs::OpenOptions;
-use std::io::{Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::io::Write;
 
 use super::*;
 use crate::api::EVENT_STREAMS;
-use crate::http::{Scope, Tokens, serve};
+use crate::http::{Scope, Tokens};
 
 /// An event: its kind, `id` and data; for one of kind `job` the job's state.
 type Heard = (&'static str, Option<u64>, String);
@@ -147,31 +146,4 @@ fn streams_are_counted() {
     held.pop();
     drop(watch(&api, &row, ""));
     assert_eq!(api.daemon.event_streams.available_permits(), 1);
-}
-
-#[test]
-fn fifty_streams_end_at_shutdown() {
-    let api = TestApi::stopped();
-    let row = api.queue();
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
-    let (app, stop) = (api.app.clone(), api.daemon.ending.clone());
-    let server = std::thread::spawn(move || serve(listener, app, &stop, Duration::from_secs(10), || ()).unwrap());
-    let mut clients: Vec<TcpStream> = (0..50)
-        .map(|_| {
-            let mut client = TcpStream::connect(address).unwrap();
-            client.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
-            write!(client, "GET /v1/jobs/{}/events HTTP/1.1\r\nhost: localhost\r\n\r\n", row.id).unwrap();
-            client.read_exact(&mut [0; 300]).unwrap();
-            client
-        })
-        .collect();
-    api.daemon.ending.cancel();
-    for client in &mut clients {
-        let mut rest = String::new();
-        client.read_to_string(&mut rest).unwrap();
-        assert!(rest.ends_with("0\r\n\r\n"), "{rest}");
-    }
-    drop(clients);
-    assert_eq!(server.join().unwrap(), 0);
 }

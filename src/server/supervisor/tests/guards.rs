@@ -1,7 +1,6 @@
 //! Ends by a guard: the plate is paused and reports the cause and the remedy.
 
 use super::*;
-use crate::store::Job;
 
 const REST: &str = r#"{ "name": "rest", "parts": [{ "kind": "penny" }], "planner": "synthesized_field",
     "task": { "type": "hold", "duration_s": 0.2 } }"#;
@@ -39,21 +38,12 @@ fn guards_bound_the_wait_for_pictures_beyond_watchdog_limits() {
 
 #[test]
 fn lost_part_pauses_the_plate_for_an_operator() {
-    let test_plates = TestPlates { allow_faults: true, ..TestPlates::new() };
-    let plates = test_plates.open(None);
-    let plate = plates.get("one").unwrap();
-    let text = TWO_COINS
-        .replace("\"seed\"", r#""faults": [{"component": "part0", "kind": "removed", "from_s": 0.2}], "seed""#);
-    let lost = test_plates.submit(plate, &text, Pace::Max);
-    let Job { state, reason, .. } = test_plates.ended(&lost).job;
-    assert_eq!(state, JobState::Failed);
+    let (report, pause) = ended_with("part0", "removed", 0.2, None);
+    let (reason, pause) = (report["reason"].as_str().unwrap(), pause.unwrap());
+    assert_eq!((&report["outcome"], &report["stop"]["code"]), (&"failed".into(), &pause.code.as_str().into()));
     assert!(reason.contains("is lost, last seen at"), "{reason}");
-    let pause = plate.paused().unwrap();
     assert_eq!(pause.why, format!("the last job was stopped: {reason}"));
-    let report = test_plates.row(&lost).job.report.unwrap();
-    assert_eq!(report["stop"]["code"], pause.code);
-    assert!(reason.ends_with(&format!("; {}", pause.remedy)), "{reason}: {}", pause.remedy);
-    assert!(pause.remedy_in_why && pause.why.ends_with(&pause.remedy), "{pause:?}");
+    assert!(pause.remedy_in_why && reason.ends_with(&format!("; {}", pause.remedy)), "{reason}: {pause:?}");
 }
 
 #[test]

@@ -115,19 +115,6 @@ fn a_run_of_which_only_files_are_left_to_write_is_not_stopped() {
 }
 
 #[test]
-fn watch_is_over_once_the_run_has_finished() {
-    let test_plates = TestPlates::new();
-    let plates = test_plates.open(None);
-    let plate = plates.get("one").unwrap();
-    let [first, _] = test_plates.keep_busy(plate);
-    assert!(plate.job.driven().is_some_and(|(job, _)| job == first));
-    plate.pause(PauseCause::new("test", "after this one", "none"));
-    assert!(plate.job.cancel(&first));
-    assert_eq!(test_plates.ended(&first).state, JobState::Cancelled);
-    assert!(plate.job.heartbeat.is_over());
-}
-
-#[test]
 fn job_with_a_used_run_folder_is_not_run_again() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(Some("not yet"));

@@ -52,19 +52,6 @@ fn controller_that_takes_no_frame_is_reported() {
 }
 
 #[test]
-fn run_is_over_at_its_end_unless_frames_follow() {
-    let heartbeat = Heartbeat::default();
-    assert!(!heartbeat.is_over());
-    heartbeat.end();
-    assert!(heartbeat.is_over());
-    heartbeat.frame(at(10), PlateTime::ZERO, true);
-    assert!(!heartbeat.is_over());
-    heartbeat.end();
-    heartbeat.clear();
-    assert!(!heartbeat.is_over(), "the next one begins");
-}
-
-#[test]
 fn unseen_parts_are_reported() {
     let blind = |now_ms: u64, heartbeat: &Heartbeat| {
         heartbeat.frame(at(now_ms), PlateTime::from_secs(now_ms as f64 * 1e-3), now_ms < 3000);

@@ -58,12 +58,3 @@ fn friction_is_recovered_from_the_shipped_library() {
     let found = friction_of(&upm_2()).unwrap();
     assert!((found / 0.3 - 1.0).abs() < 0.038, "{found}");
 }
-
-#[test]
-fn without_distances_there_is_no_friction() {
-    let mut library = library_of(0.3);
-    library.displacement.distance_m.iter_mut().flatten().for_each(|d| *d = 0.0);
-    assert_eq!(friction_of(&library), None, "nothing moved");
-    library.displacement = DisplacementModel::default();
-    assert_eq!(friction_of(&library), None, "nothing measured");
-}

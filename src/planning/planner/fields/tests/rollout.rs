@@ -190,29 +190,6 @@ fn the_belt_ends_up_at_half_its_amplitude() {
     assert!((speed_mps / (0.5 * AMPLITUDE_MPS) - 1.0).abs() < 0.015, "{speed_mps}");
 }
 
-/// The final speed follows from the next step's position; without flanks a longer pulse begins exactly like the shorter
-/// one.
-#[test]
-fn parts_coast_by_the_square_of_their_speed() {
-    let basis = upm_2_basis();
-    let coefficients = full(&basis, &pump(&basis, 1.0, 0.3));
-    let dt = basis.step_s();
-    let disc = [point(Vec2::new(0.02, -0.03))];
-    let last_place = |steps: usize| {
-        let mut rollout = Rollout::default();
-        rollout.run(&basis, &coefficients, &abrupt(steps as f64 * dt), &disc);
-        let places_m: Vec<Vec2> = rollout.places_m(1).map(|places_m| places_m[0]).collect();
-        assert_eq!(places_m.len(), steps + 1, "each step's start and the end");
-        (places_m[steps - 1], places_m[steps])
-    };
-    for steps in [40, 100, 200] {
-        let ((before_m, end_m), (silent_m, _)) = (last_place(steps), last_place(steps + 1));
-        let v = (silent_m - before_m) / dt;
-        let coasts_m = v * (v.norm() / (2.0 * PULL_MPS2));
-        assert!((end_m - silent_m - coasts_m).norm() < 1e-12, "{v}");
-    }
-}
-
 /// A part without friction stays while the plate swings by `A/w` under it, or turns by `A/(w h)`.
 #[test]
 fn part_at_the_edge_keeps_the_share_that_the_swinging_plate_leaves() {

@@ -76,17 +76,3 @@ proptest! {
     }
 
 }
-
-/// Opposite steps select the same motion with opposite sign and the same score.
-#[test]
-fn opposite_steps_get_opposite_motions() {
-    let basis = basis();
-    let seeds = SeedLibrary::new(&basis, HALF_SIDE_M);
-    let positions_m = [Vec2::new(0.05, 0.02), Vec2::new(-0.07, 0.03)];
-    let steps_m = [Vec2::new(0.01, -0.003), Vec2::new(0.0, 0.008)];
-    let there = seeds.best(&basis, &positions_m, &steps_m, 20);
-    let back = seeds.best(&basis, &positions_m, &steps_m.map(|s| -s), 20);
-    for (there, back) in there.iter().zip(back) {
-        assert!(there.iter().zip(back).all(|(a, b)| *a == -b));
-    }
-}

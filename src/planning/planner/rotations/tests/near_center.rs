@@ -65,25 +65,17 @@ fn disc_near_a_center_travels_as_its_patches_do() {
     let library = library();
     let pump = Pump::of(&library);
     // spin of the plate and distance of its centre; belts of up to 1.2 m/s
-    let cases = [
-        (18.0, 6e-3),
-        (18.0, 9e-3),
-        (18.0, 14e-3),
-        (18.0, 25e-3),
-        (18.0, 60e-3),
-        (4.0, 60e-3),
-        (4.0, 0.25),
-        (1.2, 1.0),
-    ];
+    let spins_radps = [18.0, 18.0, 18.0, 18.0, 18.0, 4.0, 4.0, 1.2];
+    let arms_m = [6e-3, 9e-3, 14e-3, 25e-3, 60e-3, 60e-3, 0.25, 1.0];
     for sustains in [0, 12] {
         let discs = Discs {
-            speed_mps: cases.map(|(spin_radps, arm_m)| spin_radps * arm_m),
-            spin_radps: cases.map(|(spin_radps, _)| spin_radps),
+            speed_mps: std::array::from_fn(|lane| spins_radps[lane] * arms_m[lane]),
+            spin_radps: spins_radps,
             friction: [FRICTION; LANES],
             radius_m: RADIUS_M,
         };
         let found = pump.travel(&discs, &pump.course(sustains));
-        for (lane, (spin_radps, arm_m)) in cases.into_iter().enumerate() {
+        for (lane, (spin_radps, arm_m)) in spins_radps.into_iter().zip(arms_m).enumerate() {
             let sustain_s = sustains as f64 * pump.sustain_step_s();
             let end_m = end_in_belt(&library, (discs.speed_mps[lane], spin_radps), sustain_s);
             let off_m = (Vec2::new(found[lane].along_m, found[lane].across_m) - end_m).norm();
