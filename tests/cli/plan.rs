@@ -178,6 +178,10 @@ fn dry_run_is_the_run_without_pixels_which_can_be_verified() {
     let (report, _) = run(&file, &out, 0);
     assert_eq!((&report["camera"], &report["pulses"]), (&json!("positions"), &dry_run["pulses"]));
     assert_eq!((&report["plate_time_s"], &report["seed"]), (&dry_run["plate_time_s"], &dry_run["seed"]));
+    let (rows, _) = status(&["check", file.to_str().unwrap(), "--plan", "--json", "--seeds", "7,9"], 0);
+    let rows: Value = serde_json::from_str(&rows).unwrap();
+    let seeds: Vec<&Value> = rows[0]["plan"]["dry_runs"].as_array().unwrap().iter().map(|run| &run["seed"]).collect();
+    assert_eq!((seeds, &rows[0]["plan"]["dry_runs"][0]), (vec![&json!(7), &json!(9)], dry_run));
     let out = out.to_str().unwrap();
     let (verified, _) = status(&["verify", "last", "--out", out], 0);
     assert!(verified.contains("byte for byte"), "{verified}");

@@ -281,8 +281,8 @@ pub struct SimulateArgs {
 #[command(
     after_help = "Of a COR library it tells what is covered: where the centres of rotation lie, how far one pulse moves a \
                   part in the direction in which it moves it least, and where some direction cannot be reached.\n\n\
-                  With --plan it makes five dry runs of a job on all cores: runs with successive seeds and with \
-                  --camera positions. All their figures are predictions. Exit status 1 when most dry runs fail."
+                  With --plan it makes five dry runs of a job on all cores: runs from the same start places, with \
+                  successive seeds and with --camera positions. All their figures are predictions. Exit status 1 when most dry runs fail."
 )]
 pub struct CheckArgs {
     /// Files to validate: jobs, rigs, daemons, experiments, COR libraries, traces, coins; - for standard input
@@ -294,6 +294,12 @@ pub struct CheckArgs {
     /// Report for each job whether its library can do it, how long that takes and where it is hard
     #[arg(long)]
     pub plan: bool,
+    /// With --plan, the first seed in place of the job's
+    #[arg(long, value_name = "N", requires = "plan")]
+    pub seed: Option<u64>,
+    /// With --plan, a dry run for each of these seeds: 1..20 (both ends included), 1,5,9
+    #[arg(long, value_name = "SEEDS", conflicts_with = "seed", requires = "plan")]
+    pub seeds: Option<Seeds>,
     /// Draw the coverage of the one library given as a map; with --plan the predicted paths of the one job's parts
     #[arg(long, value_name = "MAP.svg")]
     pub picture: Option<PathBuf>,

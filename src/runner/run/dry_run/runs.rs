@@ -20,6 +20,8 @@ use upm_recording::Report;
 const PATH_STEP_M: f64 = 0.3e-3;
 /// Messages of progress that wait to be shown.
 const WAITING: usize = 64;
+/// Runs at the same time, which bounds memory.
+const AT_ONCE: usize = 8;
 
 /// Number of a run, plate time in it and its task's progress, 0 to 1.
 type Progress = (usize, PlateTime, f64);
@@ -101,11 +103,27 @@ impl Sink for DryRunRecord {
     }
 }
 
-/// Runs all `jobs`, each on its own thread; the results are in their order.
+/// Runs all `jobs`, each on its own thread, some at a time; the results are in their order.
 pub(super) fn at_the_same_time(
     jobs: &[JobSpec],
     library: &Arc<Library>,
     watch: &mut dyn FnMut(PlateTime, f64),
+) -> Result<Vec<DryRun>, Diagnostic> {
+    let (mut runs, mut shares) = (Vec::new(), vec![0.0; jobs.len()]);
+    for some in jobs.chunks(AT_ONCE) {
+        let ended = runs.len();
+        runs.extend(side_by_side(some, library, &mut |number, at, share| {
+            shares[ended + number] = share;
+            watch(at, shares.iter().sum::<f64>() / jobs.len() as f64);
+        })?);
+    }
+    Ok(runs)
+}
+
+fn side_by_side(
+    jobs: &[JobSpec],
+    library: &Arc<Library>,
+    watch: &mut dyn FnMut(usize, PlateTime, f64),
 ) -> Result<Vec<DryRun>, Diagnostic> {
     let (sender, receiver) = sync_channel(WAITING);
     thread::scope(|scope| {
@@ -122,11 +140,7 @@ pub(super) fn at_the_same_time(
         };
         let threads: Vec<_> = jobs.iter().enumerate().map(run).collect();
         drop(sender);
-        let mut shares = vec![0.0; jobs.len()];
-        for (number, at, share) in receiver {
-            shares[number] = share;
-            watch(at, shares.iter().sum::<f64>() / jobs.len() as f64);
-        }
+        receiver.into_iter().for_each(|(number, at, share)| watch(number, at, share));
         threads.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
     })
 }
