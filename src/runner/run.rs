@@ -65,7 +65,9 @@ pub use dry_run::{ClosestApproach, DryRun, DryRunRecord, Forecast, PartForecast,
 pub use error::RunError;
 pub use folder::RunFolder;
 pub use in_memory::InMemoryRun;
-pub use library::{LibraryOutput, check_places, job_library, library_faults, load_library, rig_library};
+pub use library::{
+    LibraryOutput, check_places, job_library, library_and_places, library_faults, load_library, rig_library,
+};
 pub use machine::{maker, maker_of};
 pub use movie::movie;
 pub use paced::PacingStats;

@@ -9,17 +9,17 @@ use super::rules::Source;
 const CEILINGS: [(&str, usize); 14] = [
     ("chart", 786),
     ("control", 3993),
-    ("core", 2574), // 14 of issue 48's budget
+    ("core", 2605), // 45 of issue 48's budget
     ("fixtures", 336),
     ("lab", 6188),
     ("perception", 4820),
     ("planning", 7661), // 1 of issue 48's budget
     ("recording", 1308),
-    ("runner", 5130), // 230 of issue 48's budget: rigs by reference, warnings, paths
+    ("runner", 5153), // 253 of issue 48's budget: rigs by reference, warnings, paths
     ("scene", 869),
     ("server", 4601), // 11 of issue 48's budget
     ("sim", 3470),
-    ("upm", 4856), // 96 of issue 48's budget: jobs by name, standard input, `--set`
+    ("upm", 4866), // 106 of issue 48's budget: jobs by name, standard input, `--set`
     ("viewer", 1830),
 ];
 

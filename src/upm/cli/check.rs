@@ -14,9 +14,9 @@ use super::progress::LateProgress;
 use plan::PlanReport;
 use upm_chart::Chart;
 use upm_planning::cor_library::Library;
-use upm_runner::config::{self, DaemonSpec, Diagnostic, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec, text_of};
+use upm_runner::config::{self, DaemonSpec, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec, text_of};
 use upm_runner::run::{
-    Coverage, PlannerSelection, check_places, check_simulate, job_library, job_warnings, library_faults, load_library,
+    Coverage, PlannerSelection, check_simulate, job_warnings, library_and_places, library_faults, load_library,
 };
 use upm_viewer::RerunSink;
 
@@ -202,15 +202,13 @@ fn check_job(path: &Path, rig: Option<&RigSpec>, args: &CheckArgs, common: Commo
     if let Some(&seed) = args.seed.as_ref().or(seeds.first()) {
         job = job.with_seed(seed);
     }
-    let lines_of = |fault: Diagnostic| vec![fault.to_string()];
-    let library = job_library(&job).map_err(lines)?;
-    check_places(&job).map_err(lines_of)?;
+    let library = library_and_places(&job).map_err(lines)?;
     let (rig, parts, planner) = (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::of(&job));
     let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.report.name);
     let mut report = None;
     if args.plan {
         let mut progress = LateProgress::new(common);
-        let plan = PlanReport::of(&job, seeds, &library, &mut progress).map_err(lines_of)?;
+        let plan = PlanReport::of(&job, seeds, &library, &mut progress).map_err(|fault| vec![fault.to_string()])?;
         let (chart, is_failure) = (plan_picture::plan_chart(&plan), plan.verdict().is_failure());
         report = Some(FileReport { key: "plan", lines: plan.lines(), json: plan.json(), chart, is_failure });
     }
