@@ -18,7 +18,7 @@ use upm_viewer::USUAL_MODE;
 pub(super) const USUAL_OUT: &str = "runs";
 
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
-    let Some(file) = &args.job else { return job_list::list() };
+    let Some(file) = &args.job else { return job_list::list(common) };
     let rerun = args.rerun.clone().unwrap_or(USUAL_MODE);
     if let Some(path) = &args.movie {
         check_ending("--movie", path, &["gif"])?;
