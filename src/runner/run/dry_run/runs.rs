@@ -20,8 +20,6 @@ use upm_recording::Report;
 const PATH_STEP_M: f64 = 0.3e-3;
 /// Messages of progress that wait to be shown.
 const WAITING: usize = 64;
-/// Runs at the same time, which bounds memory.
-const AT_ONCE: usize = 8;
 
 /// Number of a run, plate time in it and its task's progress, 0 to 1.
 type Progress = (usize, PlateTime, f64);
@@ -64,7 +62,8 @@ pub struct ClosestApproach {
 
 impl Sink for DryRunRecord {
     fn setpoints(&mut self, at: PlateTime, wanted: &Setpoints) {
-        self.advanced = [if wanted.progress == 0.0 { at } else { self.advanced[0] }, at];
+        let moves = wanted.done || wanted.paths.iter().flatten().any(|path| path.reference_m > 0.0);
+        self.advanced = [if moves { self.advanced[0] } else { at }, at];
         if let Some((number, sender)) = &self.progress {
             sender.send((*number, at, wanted.progress)).ok();
         }
@@ -103,27 +102,11 @@ impl Sink for DryRunRecord {
     }
 }
 
-/// Runs all `jobs`, each on its own thread, some at a time; the results are in their order.
+/// Runs all `jobs`, each on its own thread; the results are in their order.
 pub(super) fn at_the_same_time(
     jobs: &[JobSpec],
     library: &Arc<Library>,
     watch: &mut dyn FnMut(PlateTime, f64),
-) -> Result<Vec<DryRun>, Diagnostic> {
-    let (mut runs, mut shares) = (Vec::new(), vec![0.0; jobs.len()]);
-    for some in jobs.chunks(AT_ONCE) {
-        let ended = runs.len();
-        runs.extend(side_by_side(some, library, &mut |number, at, share| {
-            shares[ended + number] = share;
-            watch(at, shares.iter().sum::<f64>() / jobs.len() as f64);
-        })?);
-    }
-    Ok(runs)
-}
-
-fn side_by_side(
-    jobs: &[JobSpec],
-    library: &Arc<Library>,
-    watch: &mut dyn FnMut(usize, PlateTime, f64),
 ) -> Result<Vec<DryRun>, Diagnostic> {
     let (sender, receiver) = sync_channel(WAITING);
     thread::scope(|scope| {
@@ -140,7 +123,11 @@ fn side_by_side(
         };
         let threads: Vec<_> = jobs.iter().enumerate().map(run).collect();
         drop(sender);
-        receiver.into_iter().for_each(|(number, at, share)| watch(number, at, share));
+        let mut shares = vec![0.0; jobs.len()];
+        for (number, at, share) in receiver {
+            shares[number] = share;
+            watch(at, shares.iter().sum::<f64>() / jobs.len() as f64);
+        }
         threads.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
     })
 }
