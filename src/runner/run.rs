@@ -169,6 +169,7 @@ struct Session<'a> {
 
 impl Session<'_> {
     fn run(&self, mut setup: RunSetup, watcher: &mut dyn Sink) -> Result<Done, RunError> {
+        let _span = tracing::trace_span!("job", name = self.job.name, seed = self.job.seed()).entered();
         let attached = setup.rig.attach(self.controls.interlock.clone()).map_err(RunError::Rig);
         let done = attached.and_then(|()| self.run_into(&mut setup, watcher));
         if let Err(error) = &done {

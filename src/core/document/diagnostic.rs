@@ -168,18 +168,13 @@ pub struct Diagnostics {
     file: String,
     list: Vec<Diagnostic>,
     /// Members of the document that break its schema: further faults in them would be consequences.
-    broken: Vec<String>,
+    pub(super) broken: Vec<String>,
 }
 
 impl Diagnostics {
     /// An empty list for the file `file`.
     pub fn of(file: &str) -> Self {
         Self { file: file.to_owned(), list: Vec::new(), broken: Vec::new() }
-    }
-
-    /// The faults in `list` against the schema of the file `file`; `broken` are the members that they are in.
-    pub(super) fn with_broken(file: &str, list: Vec<Diagnostic>, broken: Vec<String>) -> Self {
-        Self { file: file.to_owned(), list, broken }
     }
 
     /// True if none of these members of the document breaks its schema.

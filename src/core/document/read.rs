@@ -167,13 +167,16 @@ pub fn parse_and_build_rest<T: DeserializeOwned + JsonSchema + 'static, Made>(
     }
     for name in &broken {
         members.remove(name);
-        match known[name]["type"].as_str() {
-            Some("array") => drop(members.insert(name.clone(), json!([]))),
-            Some("string") => drop(members.insert(name.clone(), json!(""))),
-            _ => {}
-        }
+        let empty = match known[name]["type"].as_str() {
+            Some("array") => json!([]),
+            Some("string") => json!(""),
+            _ => continue,
+        };
+        members.insert(name.clone(), empty);
     }
-    let mut faults = Diagnostics::with_broken(file, list, broken);
+    let mut faults = Diagnostics::of(file);
+    faults.append(list);
+    faults.broken = broken;
     if let Ok(rest) = serde_json::from_value(Value::Object(members)) {
         build(rest, &mut faults);
     }

@@ -164,7 +164,7 @@ impl PathFollower {
     }
 
     /// The same where parts need not reach their places exactly.
-    pub(super) fn to_about(mut self) -> Self {
+    pub(super) fn arriving_about(mut self) -> Self {
         self.last_m = 0.0;
         Self { at_first_m: self.left_m(), ..self }
     }

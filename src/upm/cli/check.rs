@@ -20,8 +20,8 @@ use upm_runner::run::{
 };
 use upm_viewer::RerunSink;
 
-/// Largest number of dry runs of a job.
-const MOST_DRY_RUNS: usize = 100;
+/// Largest number of dry runs of a job, which run at the same time.
+const MOST_DRY_RUNS: usize = 32;
 
 /// Contents of a valid file.
 pub(super) struct ValidFile {

@@ -98,8 +98,7 @@ fn time(file: &Path, job: &JobSpec) -> String {
     let limit_s = job.plate_time_limit_s;
     match expected_s(file) {
         _ if job.is_endless() => format!("no end, stops at {limit_s} s"),
-        Some(expected_s) if expected_s < 9.95 => format!("about {expected_s:.1} s, at most {limit_s} s"),
-        Some(expected_s) => format!("about {expected_s:.0} s, at most {limit_s} s"),
+        Some(s) => format!("about {s:.*} s, at most {limit_s} s", usize::from(s < 9.95)),
         None => format!("at most {limit_s} s"),
     }
 }
