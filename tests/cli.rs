@@ -131,27 +131,9 @@ fn simulate_prints_trajectories() {
 }
 
 #[test]
-fn tasks_without_end_are_done_at_their_plate_time_limit() {
-    let folder = TempDir::new().unwrap();
-    let circuit = json!({"waypoints_mm": [[0, 0], [20, 0], [0, 20]], "speed_mm_s": 10, "repeat": 0});
-    for task in [json!({"type": "trajectories", "paths": [circuit]}), json!({"type": "hold"})] {
-        let file = shipped(folder.path(), "plus-sign-upm-2", |job| {
-            (job["planner"], job["task"]) = (json!("synthesized_field"), task.clone());
-            job["limits"]["plate_time_s"] = json!(2);
-        });
-        let out = TempDir::new().unwrap();
-        let (_, report) = run(&file, out.path(), &["--camera", "positions"], 0);
-        assert_eq!((&report["outcome"], &report["laps"]), (&json!("completed"), &json!(0)), "{report}");
-    }
-}
-
-#[test]
 fn schemas_and_completions_are_printed() {
-    for name in ["job", "rig", "simulate", "library", "trace", "daemon", "report"] {
-        let (stdout, _) = status(&["schema", name], 0);
-        let schema: Value = serde_json::from_str(&stdout).unwrap();
-        assert!(schema["properties"].is_object() || schema["anyOf"].is_array(), "{name}");
-    }
+    let (stdout, _) = status(&["schema", "report"], 0);
+    assert!(serde_json::from_str::<Value>(&stdout).unwrap()["properties"].is_object());
     let (stdout, _) = status(&["completions", "bash"], 0);
     assert!(stdout.contains("upm"));
     let (stdout, _) = status(&["--version"], 0);

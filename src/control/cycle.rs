@@ -199,6 +199,7 @@ impl ControlCycle<'_, '_> {
             self.played = true;
             return moved;
         }
+        let _span = tracing::trace_span!("cycle", index = self.index).entered();
         let planning = self.io.clock.elapsed();
         let plan = self.plan(&observed, &wanted)?;
         let plan_us = (self.io.clock.elapsed() - planning).as_secs_f64() * 1e6;
@@ -270,6 +271,7 @@ impl ControlCycle<'_, '_> {
 
     /// Plans the wanted steps, or the feasible share of them.
     fn plan(&mut self, observed: &[Vec2], wanted: &Setpoints) -> OrEnd<Plan> {
+        let _span = tracing::trace_span!("plan").entered();
         self.check_stop()?;
         let whole = self.planning.states(observed, wanted, |step_m| self.cautious(step_m));
         let Self { planning, findings, io, params, .. } = self;

@@ -125,6 +125,7 @@ impl Perception {
     /// # Errors
     /// The ending of a run whose view stays lost.
     pub fn observe(&mut self, io: &mut RunIo<'_>, purpose: FramePurpose) -> OrEnd<bool> {
+        let _span = tracing::trace_span!("observe").entered();
         flow(io.rig.capture(&mut self.frame))?;
         let motion = self.scene.table_motion(&self.frame);
         let swing_px = self.swing_px(motion);

@@ -13,5 +13,6 @@ pub use diagnostic::{
 pub use file_kind::Document;
 pub use json_value::pretty;
 pub use read::{
-    MOST_BYTES, parse, parse_and_build, read, read_standard_input, reason, schema_of, text_of, text_within,
+    MOST_BYTES, parse, parse_and_build, parse_and_build_rest, read, read_standard_input, reason, schema_of, text_of,
+    text_within,
 };

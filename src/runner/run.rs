@@ -65,7 +65,9 @@ pub use dry_run::{
 pub use error::RunError;
 pub use folder::RunFolder;
 pub use in_memory::InMemoryRun;
-pub use library::{LibraryOutput, check_places, job_library, library_faults, load_library, rig_library};
+pub use library::{
+    LibraryOutput, check_places, job_library, library_and_places, library_faults, load_library, rig_library,
+};
 pub use machine::{maker, maker_of};
 pub use movie::movie;
 pub use paced::PacingStats;
@@ -167,6 +169,7 @@ struct Session<'a> {
 
 impl Session<'_> {
     fn run(&self, mut setup: RunSetup, watcher: &mut dyn Sink) -> Result<Done, RunError> {
+        let _span = tracing::trace_span!("job", name = self.job.name, seed = self.job.seed()).entered();
         let attached = setup.rig.attach(self.controls.interlock.clone()).map_err(RunError::Rig);
         let done = attached.and_then(|()| self.run_into(&mut setup, watcher));
         if let Err(error) = &done {

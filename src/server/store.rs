@@ -39,7 +39,7 @@ pub struct Store {
     /// `None` once the store is closed.
     opened: Mutex<Option<Opened>>,
     runs: PathBuf,
-    limits: StoreLimits,
+    pub(crate) limits: StoreLimits,
     now: fn() -> Timestamp,
     /// Fault of the last write; `None` when it succeeded.
     fault: Mutex<Option<StoreError>>,

@@ -22,6 +22,7 @@ mod check;
 mod client_args;
 #[cfg(feature = "daemon")]
 mod daemon;
+mod examples;
 mod export;
 mod features;
 mod init;
@@ -44,12 +45,13 @@ mod simulate;
 mod summary;
 #[cfg(test)]
 mod test_buffer;
+mod timeline;
 mod usage;
 mod verify;
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
+use clap::{CommandFactory, FromArgMatches};
 
 use args::{Cli, Command};
 use output::Failure;
@@ -57,18 +59,25 @@ use output::Failure;
 /// Parses the command line and runs the command. Exit status: 0 done, 1 task not completed, 2 bad usage or a bad file,
 /// 130 ended by Ctrl-C.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let mut command = examples::command();
+    let parsed = command.try_get_matches_from_mut(std::env::args_os());
+    let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
-        Err(error) => return usage::answer(&error),
+        Err(error) => return usage::answer(&error.format(&mut command)),
     };
     let log = cli.command.log();
     #[cfg(feature = "daemon")]
     if log.is_some() {
         daemon::hold_back_sigusr1();
     }
-    let flush_guard = logs::start(cli.common, log);
+    let timeline = match cli.command.trace().map(timeline::Timeline::create).transpose() {
+        Ok(timeline) => timeline,
+        Err(failure) => return ExitCode::from(failure.report()),
+    };
+    let flush_guard = logs::start(cli.common, log, timeline.clone());
     let done = dispatch(cli);
     drop(flush_guard);
+    timeline.inspect(timeline::Timeline::finish);
     match done {
         Ok(status) => ExitCode::from(status),
         Err(failure) => ExitCode::from(failure.report()),

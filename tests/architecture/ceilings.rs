@@ -8,18 +8,18 @@ use super::rules::Source;
 /// capability is worth it, and lowered when its crate shrinks.
 const CEILINGS: [(&str, usize); 14] = [
     ("chart", 786),
-    ("control", 4107),
-    ("core", 2574), // 14 of issue 48's budget
+    ("control", 4114),
+    ("core", 2605), // 45 of issue 48's budget
     ("fixtures", 336),
     ("lab", 6188),
     ("perception", 4820),
     ("planning", 7661), // 1 of issue 48's budget
     ("recording", 1308),
-    ("runner", 5200), // 297 of issue 48's budget: rigs by reference, warnings, paths, verdict of dry runs
+    ("runner", 5221), // 318 of issue 48's budget: rigs by reference, warnings, paths, verdict of dry runs
     ("scene", 869),
     ("server", 4601), // 11 of issue 48's budget
     ("sim", 3470),
-    ("upm", 4810), // 46 of issue 48's budget: jobs by name, standard input, `--set`
+    ("upm", 4992), // 232 of issue 48's budget: jobs by name, standard input, `--set`
     ("viewer", 1830),
 ];
 

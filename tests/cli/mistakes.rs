@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use super::{root, upm};
 
 /// Wrong command lines, run in a folder that `upm init` made.
-const COMMANDS: [&str; 32] = [
+const COMMANDS: [&str; 34] = [
     "rnu configs/plus-sign.json",
     "lab mchip",
     "configs/plus-sign.json",
@@ -33,6 +33,8 @@ const COMMANDS: [&str; 32] = [
     "check",
     "check configs/plus-sign.json --rig configs/rigs/upm-3.json",
     "check configs/rigs/upm-1.json --plan",
+    "check configs/plus-sign.json --seeds 1..5",
+    "check configs/plus-sign.json --plan --seeds 1..200",
     "schema jbo",
     "locate picture.png",
     "locate configs/plus-sign.json",

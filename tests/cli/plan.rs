@@ -132,14 +132,6 @@ fn speed_that_can_be_held_is_in_the_plan_and_a_faster_one_is_told_by_the_run() {
 }
 
 #[test]
-fn corridor_narrower_than_can_be_held_is_refused_with_the_one_that_can() {
-    let folder = TempDir::new().unwrap();
-    let file = shipped(folder.path(), "plus-sign-upm-2", |job| job["task"]["corridor_mm"] = json!(0.05));
-    let (_, refused) = status(&["check", file.to_str().unwrap()], 2);
-    assert!(refused.contains("task.corridor_mm: expected 0.14 or more") && refused.contains("found 0.05"), "{refused}");
-}
-
-#[test]
 fn tolerance_finer_than_can_be_held_is_a_warning_and_its_run_ends_soon() {
     let folder = TempDir::new().unwrap();
     let to_within = |tolerance_mm: f64| {
@@ -178,6 +170,10 @@ fn dry_run_is_the_run_without_pixels_which_can_be_verified() {
     let (report, _) = run(&file, &out, 0);
     assert_eq!((&report["camera"], &report["pulses"]), (&json!("positions"), &dry_run["pulses"]));
     assert_eq!((&report["plate_time_s"], &report["seed"]), (&dry_run["plate_time_s"], &dry_run["seed"]));
+    let args = ["check", file.to_str().unwrap(), "--plan", "--json", "--seeds", "7,9"];
+    let rows: Value = serde_json::from_str(&status(&args, 0).0).unwrap();
+    let runs = &rows[0]["plan"]["dry_runs"];
+    assert_eq!((&runs[0], &runs[1]["seed"], &runs[2]), (dry_run, &json!(9), &Value::Null));
     let out = out.to_str().unwrap();
     let (verified, _) = status(&["verify", "last", "--out", out], 0);
     assert!(verified.contains("byte for byte"), "{verified}");

@@ -63,7 +63,7 @@ fn faults_are_reported_one_a_line_under_the_file_name() {
             assert!(line.starts_with(&format!("upm: {job}: {said}: expected ")) && line.contains(", found "), "{line}");
         }
     };
-    refused(&bad, Some("upm-2.json"), &[], &["seed"]);
+    refused(&bad, Some("upm-2.json"), &[], &["seed", "parts[0].kind"]);
     bad["seed"] = json!(7);
     refused(&bad, Some("upm-2.json"), &[], &["parts[0].kind"]);
     refused(&bad, None, &[], &["parts[0].kind"]);
@@ -127,8 +127,9 @@ fn a_plate_is_stopped_reset_and_resumed_by_hand() {
     served.status(&["resume", RIGHT], 0);
     served.run_on(RIGHT);
     assert_eq!(served.job(&waiting)["state"], "queued", "a reset starts nothing");
-    served.status(&["resume", LEFT], 0);
+    served.status(&["resume", LEFT, "--operator", "Ann Ö"], 0);
     served.until_state(&waiting, "completed");
+    assert!(served.log().contains("operator=\"Ann Ö\""), "{}", served.log());
 }
 
 #[test]

@@ -71,6 +71,7 @@ impl ControlCycle<'_, '_> {
         self.perception.expect_pulse(started_at, None, Some(self.swing_after(&present, None)));
         flow(self.io.rig.play(&present.drive))?;
         loop {
+            let _span = tracing::trace_span!("cycle", index = self.index).entered();
             self.begin_segment();
             let started = self.io.clock.elapsed();
             let (observed_at, before_m) = (self.perception.seen_at(), self.places_m());
@@ -228,6 +229,7 @@ impl ControlCycle<'_, '_> {
     }
 
     fn plan_segment(&mut self, wanted: Setpoints) -> OrEnd<PlannedSegment> {
+        let _span = tracing::trace_span!("plan").entered();
         self.check_stop()?;
         let planning = self.io.clock.elapsed();
         let Some(planner) = self.moving() else { return Break(RunEnd::failed("no planner of moving parts")) };
@@ -259,6 +261,7 @@ impl ControlCycle<'_, '_> {
     /// Follows the parts in a segment that began at `started_at` until the next one begins, or, for the last one, until
     /// a frame shows everything at rest.
     fn follow_segment(&mut self, started_at: PlateTime, until: Option<PlateTime>, forecast_m: &[Vec2]) -> OrEnd {
+        let _span = tracing::trace_span!("play").entered();
         let Some(until) = until else {
             self.perception.expect_places(forecast_m);
             return self.follow(FramePurpose::Cycle);

@@ -20,6 +20,7 @@ impl ControlCycle<'_, '_> {
     /// Plays one pulse and tracks the parts until a frame shows everything at rest; `purpose` is the purpose of that
     /// frame.
     pub(super) fn play(&mut self, planned: &PlannedPulse, purpose: FramePurpose) -> OrEnd {
+        let _span = tracing::trace_span!("play").entered();
         let drive = match drive_of(self.library, planned) {
             Ok(drive) => drive,
             Err(reason) => return Break(RunEnd::failed(reason)),

@@ -97,6 +97,11 @@ impl Diagnostic {
         }
     }
 
+    /// The member of the document that the fault is in: `parts` of `parts[1].kind`.
+    pub(super) fn member(&self) -> &str {
+        self.path.split(['.', '[']).next().unwrap_or_default()
+    }
+
     /// The same fault with the key that names its file: `rig upm-1.json: library`.
     pub fn named_by(self, key: &str) -> Self {
         Self { named_by: Some(key.into()), ..self }
@@ -162,24 +167,35 @@ impl fmt::Display for Path {
 pub struct Diagnostics {
     file: String,
     list: Vec<Diagnostic>,
+    /// Members of the document that break its schema: further faults in them would be consequences.
+    pub(super) broken: Vec<String>,
 }
 
 impl Diagnostics {
     /// An empty list for the file `file`.
     pub fn of(file: &str) -> Self {
-        Self { file: file.to_owned(), list: Vec::new() }
+        Self { file: file.to_owned(), list: Vec::new(), broken: Vec::new() }
+    }
+
+    /// True if none of these members of the document breaks its schema.
+    pub fn are_sound(&self, members: &[&str]) -> bool {
+        !members.iter().any(|member| self.broken.iter().any(|broken| broken == member))
     }
 
     /// Adds a fault at `path`.
     pub fn push(&mut self, path: impl fmt::Display, found: impl fmt::Display, expected: impl Into<String>) {
-        let fault = Diagnostic::new(&self.file, path, found, expected);
-        self.append(vec![fault]);
+        self.append_own(Diagnostic::new(&self.file, path, found, expected));
     }
 
     /// Adds a fault for the missing member at `path`.
     pub fn push_missing(&mut self, path: impl fmt::Display, expected: impl Into<String>) {
-        let fault = Diagnostic::missing(&self.file, path, expected);
-        self.append(vec![fault]);
+        self.append_own(Diagnostic::missing(&self.file, path, expected));
+    }
+
+    fn append_own(&mut self, fault: Diagnostic) {
+        if self.are_sound(&[fault.member()]) {
+            self.append(vec![fault]);
+        }
     }
 
     /// Appends the faults found in another file.

@@ -7,7 +7,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 
 use schemars::{JsonSchema, schema_for};
 use serde::de::DeserializeOwned;
-use serde_json::Value;
+use serde_json::{Map, Value, json};
 
 use super::diagnostic::{Diagnostic, Diagnostics, Path, nearest};
 use super::json_value::value_of;
@@ -136,6 +136,51 @@ pub fn parse_and_build<T: DeserializeOwned + JsonSchema + 'static, Made>(
     let mut faults = Diagnostics::of(file);
     let made = build(document, &mut faults);
     faults.into_result(made)
+}
+
+/// As [`parse_and_build`], for a `build` that knows what depends on what: where members of the document break its
+/// schema, it gets the rest, with their defaults or nothing in their places, and finds more faults.
+///
+/// # Errors
+/// The faults of [`parse`], and every fault that `build` reports.
+pub fn parse_and_build_rest<T: DeserializeOwned + JsonSchema + 'static, Made>(
+    text: &str,
+    file: &str,
+    build: impl FnOnce(T, &mut Diagnostics) -> Option<Made>,
+) -> Result<Made, Vec<Diagnostic>> {
+    let list = match parse(text, file) {
+        Ok(document) => {
+            let mut faults = Diagnostics::of(file);
+            let made = build(document, &mut faults);
+            return faults.into_result(made);
+        }
+        Err(list) => list,
+    };
+    let Ok(Value::Object(mut members)) = value_of(text, &mut Diagnostics::of(file)) else { return Err(list) };
+    let known = &schema_of::<T>()["properties"];
+    let mut broken: Vec<String> = list.iter().map(|fault| fault.member().to_owned()).collect();
+    let names = || known.as_object().into_iter().flat_map(Map::keys).map(String::as_str);
+    let meant: Vec<&str> = broken.iter().filter_map(|name| nearest(name, names())).collect();
+    broken.extend(meant.into_iter().map(str::to_owned).collect::<Vec<_>>());
+    if !broken.iter().all(|name| members.contains_key(name) || known.get(name).is_some()) {
+        return Err(list);
+    }
+    for name in &broken {
+        members.remove(name);
+        let empty = match known[name]["type"].as_str() {
+            Some("array") => json!([]),
+            Some("string") => json!(""),
+            _ => continue,
+        };
+        members.insert(name.clone(), empty);
+    }
+    let mut faults = Diagnostics::of(file);
+    faults.append(list);
+    faults.broken = broken;
+    if let Ok(rest) = serde_json::from_value(Value::Object(members)) {
+        build(rest, &mut faults);
+    }
+    Err(faults.into_list())
 }
 
 /// Parses the document in `text`. It is checked against its schema for all faults of keys, types and ranges at once,

@@ -9,8 +9,10 @@ use std::sync::Arc;
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 
-/// The assignment changes only when another costs less than this fraction of it; otherwise noise in the positions would
-/// make it alternate.
+/// Way that takes a part as long as its last step into its place, m; measured on the shipped jobs.
+const LAST_M: f64 = 20e-3;
+
+/// The assignment changes only when another costs less than this fraction of it; noise would make it alternate.
 const CLEARLY_BETTER: f64 = 0.8;
 
 /// Gap between rims for which a chosen route is kept, m: less than the planned one, since parts stray from it.
@@ -89,8 +91,10 @@ pub(super) struct PathFollower {
     /// Cycles since the last search for a route.
     observations: usize,
     rng: Rng,
-    /// Sum of the parts' initial distances from their places, m.
+    /// Way left to the places at first, m; see [`Self::left_m`].
     at_first_m: f64,
+    /// Way that a part's last step counts as, m.
+    last_m: f64,
     /// Largest progress so far, 0 to 1.
     progress: f64,
 }
@@ -120,6 +124,7 @@ impl PathFollower {
             observations: 0,
             rng: Streams::new(0).stream("routes"),
             at_first_m: 0.0,
+            last_m: LAST_M,
             progress: 0.0,
         };
         steering.place_of = steering.best_assignment(&steering.seen_m, &steering.places_m, &[]);
@@ -129,7 +134,7 @@ impl PathFollower {
             steering.motions = Motions::Rotations { stride_m, effort: Arc::clone(effort) };
             steering.place_of = steering.turning_assignment(effort.as_ref());
         }
-        steering.at_first_m = steering.distances_m().sum();
+        steering.at_first_m = steering.left_m();
         steering
     }
 
@@ -148,10 +153,7 @@ impl PathFollower {
         if matches!(self.motions, Motions::Independent) {
             self.exchange_places();
         }
-        if self.at_first_m > 0.0 {
-            let left = self.distances_m().sum::<f64>() / self.at_first_m;
-            self.progress = self.progress.max(1.0 - left);
-        }
+        self.progress = self.progress.max(1.0 - self.left_m() / self.at_first_m.max(f64::MIN_POSITIVE));
         self.observations += 1;
         match self.motions.clone() {
             Motions::Independent if self.keep_path() => {}
@@ -159,6 +161,17 @@ impl PathFollower {
             Motions::Rotations { stride_m, .. } if self.keep_turning_path(stride_m) => {}
             Motions::Rotations { stride_m, effort } => self.find_turning_path(stride_m, effort.as_ref()),
         }
+    }
+
+    /// The same where parts need not reach their places exactly.
+    pub(super) fn arriving_about(mut self) -> Self {
+        self.last_m = 0.0;
+        Self { at_first_m: self.left_m(), ..self }
+    }
+
+    /// Way left to the places, all parts together, where the last tenths of a millimetre count as they take time, m.
+    fn left_m(&self) -> f64 {
+        self.distances_m().map(|left_m| left_m + self.last_m * left_m / (left_m + 0.5e-3)).sum()
     }
 
     /// The place assigned to each part at present, m.

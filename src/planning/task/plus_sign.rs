@@ -156,9 +156,13 @@ impl PlusSign {
     }
 
     fn progress(&self) -> f64 {
-        let (Some((laps, branch, back)), 1..) = (self.place(), self.params.laps) else { return 0.0 };
-        let branches = branch as f64 + if back { 0.5 } else { 0.0 } + 0.5 * self.furthest;
-        (f64::from(laps) + branches / 4.0) / f64::from(self.params.laps)
+        if self.params.laps == 0 || self.is_done() {
+            return if self.is_done() { 1.0 } else { 0.0 };
+        }
+        let start_m = self.first_seen_m.first().copied().unwrap_or_default();
+        let all_m = start_m.x.abs() + start_m.y.abs() + 8.0 * self.reach_m() * f64::from(self.params.laps);
+        let gone_m = self.gone_m + self.furthest * self.segment.length_m();
+        (gone_m / all_m.max(f64::MIN_POSITIVE)).min(1.0)
     }
 
     fn phase(&self) -> String {

@@ -95,7 +95,7 @@ impl Sort {
             let parts = self.params.parts_of(number).filter(|&part| part < parts_in_table_m.len());
             places.fill(bin, parts.collect(), &scene.discs, parts_in_table_m);
         }
-        PathFollower::new(scene, &places.at_m, places.groups, parts_in_table_m)
+        PathFollower::new(scene, &places.at_m, places.groups, parts_in_table_m).arriving_about()
     }
 }
 

@@ -10,7 +10,7 @@ use super::read::{NAMES, Origin, is_name};
 use super::rig::RigSpec;
 use super::rig_file::RigSource;
 use super::task::{self, TaskSpec};
-use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build, text_of};
+use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build_rest, text_of};
 use upm_core::job::{Bin, CameraMode, Finding};
 use upm_core::rig::PartKind;
 use upm_core::units::mm_from_m;
@@ -70,7 +70,7 @@ impl JobSpec {
     /// Validates the job in `text`. `plate_rig` is the default rig; a rig written out in the job must be equal to it.
     /// Errors list every fault.
     pub fn from_json(text: &str, origin: &Origin, plate_rig: Option<&RigSpec>) -> Result<Self, Vec<Diagnostic>> {
-        parse_and_build(text, &origin.file, |document, faults| Self::build(document, origin, plate_rig, faults))
+        parse_and_build_rest(text, &origin.file, |document, faults| Self::build(document, origin, plate_rig, faults))
     }
 
     fn build(
@@ -104,13 +104,15 @@ impl JobSpec {
                 return None;
             }
         };
+        check_knocks(&rig, document.limits.plate_time_s, faults);
+        if faults.are_sound(&["task", "tasks"]) {
+            check_planner(&document, &rig, &root, faults);
+        }
         let parts = groups_of(&document, &rig, faults);
-        if !clearance::check_total(&parts, faults) {
+        if !faults.are_sound(&["parts"]) || !clearance::check_total(&parts, faults) {
             return None;
         }
         check_distinguishable(&parts, &rig, faults);
-        check_knocks(&rig, document.limits.plate_time_s, faults);
-        check_planner(&document, &rig, &root, faults);
         let tasks = tasks_of(&document, &parts, &rig, faults);
         clearance::check(&parts, &rig, faults);
         let at = root.key("faults");
@@ -148,7 +150,7 @@ impl JobSpec {
     /// As [`Self::load`], on `rig` in place of the one that the file names.
     pub fn load_on(path: &std::path::Path, rig: &RigSpec) -> Result<Self, Vec<Diagnostic>> {
         let (text, origin) = (text_of(path)?, Origin::of_file(path));
-        parse_and_build(&text, &origin.file, |document: JobFile, faults| {
+        parse_and_build_rest(&text, &origin.file, |document: JobFile, faults| {
             Self::build(JobFile { rig: None, ..document }, &origin, Some(rig), faults)
         })
     }
@@ -276,6 +278,9 @@ fn tasks_of(
     rig: &RigSpec,
     faults: &mut Diagnostics,
 ) -> Option<(TaskSpec, Vec<TaskSpec>)> {
+    if !faults.are_sound(&["task", "tasks"]) {
+        return None;
+    }
     let root = Path::root();
     let found = if document.task.is_some() { "task and tasks" } else { "none" };
     let is_one = document.task.is_some() != document.tasks.is_some();
@@ -285,11 +290,12 @@ fn tasks_of(
     {
         return None;
     }
+    let is_limit_known = faults.are_sound(&["limits", "repeat"]);
     let (limit_s, mut tasks) = (document.limits.plate_time_s, Vec::new());
     for (i, (at, section)) in document.each_task().into_iter().enumerate() {
         let is_last = i + 1 == document.each_task().len() && document.repeat == 1;
         let task = task::build(section, at.clone(), parts, rig, document.planner, faults);
-        let is_followed = task.as_ref().is_some_and(|task| !is_last && task.is_endless(limit_s));
+        let is_followed = task.as_ref().is_some_and(|task| !is_last && task.is_endless(limit_s)) && is_limit_known;
         faults.require(!is_followed, at, "a task without end", "one that ends, since another follows it");
         tasks.extend(task);
     }

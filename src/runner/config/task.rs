@@ -82,7 +82,9 @@ pub(super) fn build(
     faults: &mut Diagnostics,
 ) -> Option<TaskSpec> {
     let scene = TaskContext::new(at, groups, rig);
-    if let TaskSection::PlusSign { corridor_m, .. } | TaskSection::Trajectories { corridor_m, .. } = task {
+    if let TaskSection::PlusSign { corridor_m, .. } | TaskSection::Trajectories { corridor_m, .. } = task
+        && faults.are_sound(&["planner"])
+    {
         let narrowest_mm = (100.0 * mm_from_m(narrowest_m(rig, scene.kinds.len(), planner))).ceil() / 100.0;
         let allowed = format!("{narrowest_mm:.2} or more: sway, sensing and scatter of a part on {}", rig.model.name);
         let found_mm = written_mm(*corridor_m);

@@ -27,7 +27,7 @@ pub use verdict::{DryRuns, ForecastSummary, PlanVerdict};
 
 /// Speed beyond any that a part can hold, m/s.
 const FASTEST_MPS: f64 = 1.0;
-/// Dry runs of a job, from the same start places: one with its own seed, the others with the next ones.
+/// Dry runs of a job where no seeds are named.
 const DRY_RUNS: u64 = 5;
 
 /// Forecast of a job.
@@ -44,7 +44,7 @@ pub struct Forecast {
     /// Speed asked of parts on paths, and the speed that they can hold along them by a dry run, m/s; `None` for other
     /// tasks and where that dry run does not complete.
     pub speed_mps: Option<[f64; 2]>,
-    /// The dry runs, each with another seed; the first with the job's.
+    /// The dry runs, each with another seed.
     pub dry_runs: DryRuns,
 }
 
@@ -61,11 +61,13 @@ pub struct PartForecast {
     pub target: Option<PlaceReach>,
 }
 
-/// Makes dry runs of `job` with `library` on all cores; `watch` receives the plate time
-/// in one of them and the share of all that is done, 0 to 1. All end early once `stop` is set. `Err` if the parts find
-/// no places.
+/// Makes dry runs of `job` with `library` on all cores, from the start places of the job's seed: one with each of
+/// `seeds`, or where there are none with the job's own and the next four. `watch` receives the plate time in one of
+/// them and the share of all that is done, 0 to 1. All end early once `stop` is set. `Err` if the
+/// parts find no places.
 pub fn dry_run(
     job: &JobSpec,
+    seeds: &[u64],
     library: &Arc<Library>,
     stop: &AtomicBool,
     watch: &mut dyn FnMut(PlateTime, f64),
@@ -73,8 +75,9 @@ pub fn dry_run(
     // nothing is played on the rig of this setup
     let RunSetup { params, placed, .. } = RunSetup::new(job, library)?;
     let job = job.clone().with_camera(CameraMode::Positions);
-    let seeds = (0..DRY_RUNS).map(|number| job.seed().wrapping_add(number));
-    let mut jobs: Vec<JobSpec> = seeds.map(|seed| job.clone().at_the_same_places(seed)).collect();
+    let next: Vec<u64> = (0..DRY_RUNS).map(|number| job.seed().wrapping_add(number)).collect();
+    let seeds = if seeds.is_empty() { &next } else { seeds };
+    let mut jobs: Vec<JobSpec> = seeds.iter().map(|&seed| job.clone().at_the_same_places(seed)).collect();
     let fast = as_fast_as_possible(&job);
     jobs.extend(fast.iter().map(|(job, ..)| job.clone()));
     let by_fields = matches!(params.method, PlanningMethod::SynthesizedField | PlanningMethod::MovingField);

@@ -59,6 +59,14 @@ pub fn check_places(job: &JobSpec) -> Result<(), Diagnostic> {
     place_parts(job, Streams::new(job.seed())).map(|_| ())
 }
 
+/// As [`job_library`] and [`check_places`]: the faults of both.
+pub fn library_and_places(job: &JobSpec) -> Result<Arc<Library>, Vec<Diagnostic>> {
+    match (job_library(job), check_places(job)) {
+        (Ok(library), Ok(())) => Ok(library),
+        (library, places) => Err(library.err().into_iter().flatten().chain(places.err()).collect()),
+    }
+}
+
 /// All reasons why `library`, read from `file`, cannot be used on `rig`.
 pub fn library_faults(library: &Library, file: &str, rig: &RigSpec) -> Vec<Diagnostic> {
     let faults = library.check_fits(&rig.model, &rig.fingerprint).into_iter();

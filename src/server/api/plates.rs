@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use upm_core::document::Diagnostic;
 
-use super::extract::{Answer, ApiState, JsonBody, RequestCaller};
+use super::extract::{Answer, ApiState, FromQuery, JsonBody, RequestCaller};
 use super::health::{liveness_failures, readiness_failures};
 use super::metrics;
 use super::state::{EStopped, audit_entry, conflict};
@@ -66,6 +66,16 @@ pub(super) struct PlatePath {
 
 type OnePlate = Path<PlatePath>;
 
+/// The person who lets a plate go on.
+#[derive(Deserialize, JsonSchema)]
+#[schemars(inline)]
+pub(super) struct ResumeQuery {
+    /// Name of the operator.
+    #[serde(default)]
+    #[schemars(length(max = 200))]
+    operator: String,
+}
+
 /// Lists the plates, with their queues as last counted. An emergency stop of all plates begins with this list, so it
 /// needs neither the store nor another thread.
 pub(super) async fn list(State(api): ApiState) -> Json<Plates> {
@@ -114,12 +124,14 @@ pub(super) async fn reset(
 pub(super) async fn resume(
     State(api): ApiState,
     Path(plate): OnePlate,
+    FromQuery(ResumeQuery { operator }): FromQuery<ResumeQuery>,
     Extension(caller): RequestCaller,
 ) -> Answer<Plate> {
     let plate = Arc::clone(api.plate(&plate.name)?);
+    let who = AuditEntry { operator, ..audit_entry(caller) };
     let resumed = api.blocking(move |daemon, _| {
         let stopped = || conflict("an emergency stop holds: it must be reset first");
-        plate.resume(audit_entry(caller)).then(|| daemon.plate_after(&plate)).ok_or_else(stopped)
+        plate.resume(who).then(|| daemon.plate_after(&plate)).ok_or_else(stopped)
     });
     Ok(Json(resumed.await?))
 }

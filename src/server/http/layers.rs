@@ -10,6 +10,7 @@ use axum::response::Response;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::limit::RequestBodyLimitLayer;
 use tower_http::timeout::TimeoutLayer;
+use tracing::Instrument;
 use upm_core::document::MOST_BYTES;
 use uuid::Uuid;
 
@@ -56,7 +57,8 @@ fn problem_of(status: StatusCode) -> Option<Problem> {
 async fn identify(request: Request, next: Next) -> Response {
     let id = Uuid::now_v7().simple().to_string();
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
-    let mut response = next.run(request).await;
+    let span = tracing::trace_span!("request", %method, path);
+    let mut response = next.run(request).instrument(span).await;
     let before = response.status();
     if let Some(problem) = response.extensions_mut().remove::<Problem>().or_else(|| problem_of(before)) {
         *response.status_mut() = problem.status();

@@ -95,7 +95,7 @@ impl Started {
     fn new(text: &str, job: JobSpec, library: Arc<Library>) -> std::io::Result<Self> {
         let (stop, progress) = (Arc::<AtomicBool>::default(), Arc::<Mutex<f64>>::default());
         let (stopped, done) = (Arc::clone(&stop), Arc::clone(&progress));
-        let run = move || dry_run(&job, &library, &stopped, &mut |_, share| *done.lock() = share);
+        let run = move || dry_run(&job, &[], &library, &stopped, &mut |_, share| *done.lock() = share);
         let thread = BackgroundThread::start("dry-run", true, run)?;
         Ok(Self { text: text.to_owned(), asked_at: Duration::ZERO, stop, progress, thread, forecast: None })
     }

@@ -1,6 +1,6 @@
 #[cfg(feature = "daemon")]
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -79,6 +79,16 @@ pub enum Command {
 }
 
 impl Command {
+    /// File of the timeline that is asked for.
+    pub(super) fn trace(&self) -> Option<&Path> {
+        match self {
+            Self::Run(args) => args.trace.as_deref(),
+            #[cfg(feature = "daemon")]
+            Self::Serve(args) => args.trace.as_deref(),
+            _ => None,
+        }
+    }
+
     /// Log format of a command that runs as a daemon; `None` for all others.
     pub(super) fn log(&self) -> Option<LogFormat> {
         match self {
@@ -137,6 +147,10 @@ pub struct RunArgs {
     /// Write what the camera sees as an animated GIF
     #[arg(long, value_name = "FILE.gif", conflicts_with = "seeds", requires = "job")]
     pub movie: Option<PathBuf>,
+    /// Write a timeline of the program's work (job, cycles, pictures, plans, pulses), up to 64 MiB, which
+    /// ui.perfetto.dev opens
+    #[arg(long, value_name = "FILE.json", requires = "job")]
+    pub trace: Option<PathBuf>,
     /// Faults of the simulated rig besides the job's, for example coil0:reversed@1.2 or camera:shift=3;0@0.5-2; several
     /// by comma or again
     #[arg(long, value_name = "COMPONENT:KIND[=VALUE][@FROM_S[-TO_S]]")]
@@ -169,6 +183,9 @@ pub struct ServeArgs {
     /// Check everything that can be checked before a start, and start nothing; status 1 when only an address is taken
     #[arg(long)]
     pub check: bool,
+    /// Write a timeline of the program's work, requests included, up to 64 MiB, which ui.perfetto.dev opens
+    #[arg(long, value_name = "FILE.json")]
+    pub trace: Option<PathBuf>,
     /// The log on stderr: for people, or one JSON object a line
     #[arg(long, value_enum, value_name = "FORMAT", default_value_t = LogFormat::Text)]
     pub log: LogFormat,
@@ -281,8 +298,8 @@ pub struct SimulateArgs {
 #[command(
     after_help = "Of a COR library it tells what is covered: where the centres of rotation lie, how far one pulse moves a \
                   part in the direction in which it moves it least, and where some direction cannot be reached.\n\n\
-                  With --plan it makes five dry runs of a job on all cores: runs with successive seeds and with \
-                  --camera positions. All their figures are predictions. Exit status 1 when most dry runs fail."
+                  With --plan it makes five dry runs of a job on all cores: runs from the same start places, with \
+                  successive seeds and with --camera positions. All their figures are predictions. Exit status 1 when most dry runs fail."
 )]
 pub struct CheckArgs {
     /// Files to validate: jobs, rigs, daemons, experiments, COR libraries, traces, coins; - for standard input
@@ -294,6 +311,12 @@ pub struct CheckArgs {
     /// Report for each job whether its library can do it, how long that takes and where it is hard
     #[arg(long)]
     pub plan: bool,
+    /// With --plan, the first seed in place of the job's
+    #[arg(long, value_name = "N", requires = "plan")]
+    pub seed: Option<u64>,
+    /// With --plan, a dry run for each of these seeds: 1..20 (both ends included), 1,5,9
+    #[arg(long, value_name = "SEEDS", conflicts_with = "seed", requires = "plan")]
+    pub seeds: Option<Seeds>,
     /// Draw the coverage of the one library given as a map; with --plan the predicted paths of the one job's parts
     #[arg(long, value_name = "MAP.svg")]
     pub picture: Option<PathBuf>,

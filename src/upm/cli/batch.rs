@@ -18,7 +18,7 @@ use summary::BatchSummary;
 use upm_core::job::Pace;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_recording::RerunMode;
-use upm_runner::run::{check_places, job_library};
+use upm_runner::run::library_and_places;
 use workers::{BatchProgress, SeedBatch};
 
 /// Runs the job in `file` with each of the seeds that `--seeds` names.
@@ -34,8 +34,7 @@ pub(super) fn batch(file: &Path, seeds: &Seeds, args: &RunArgs, common: Common) 
         return Err(Failure::bad_input(format!("--pace: expected max (with --seeds), found {found}")));
     }
     let job = load_job(file, args)?;
-    let library = job_library(&job).map_err(Failure::faults)?;
-    check_places(&job).map_err(|fault| Failure::faults(vec![fault]))?;
+    let library = library_and_places(&job).map_err(Failure::faults)?;
     let (clock, started_utc) = (MonotonicClock::new(), utc_now());
     let name = &job.name[..job.name.floor_char_boundary(200)];
     let in_usual = || Path::new(USUAL_OUT).join(format!("{name}-seeds-{started_utc}"));

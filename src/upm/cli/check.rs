@@ -7,17 +7,21 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::args::{CheckArgs, Common};
+use super::batch::Seeds;
 use super::job_changes::read_dash;
 use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
 use super::progress::LateProgress;
 use plan::PlanReport;
 use upm_chart::Chart;
 use upm_planning::cor_library::Library;
-use upm_runner::config::{self, DaemonSpec, Diagnostic, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec, text_of};
+use upm_runner::config::{self, DaemonSpec, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec, text_of};
 use upm_runner::run::{
-    Coverage, PlannerSelection, check_places, check_simulate, job_library, job_warnings, library_faults, load_library,
+    Coverage, PlannerSelection, check_simulate, job_warnings, library_and_places, library_faults, load_library,
 };
 use upm_viewer::RerunSink;
+
+/// Largest number of dry runs of a job, which run at the same time.
+const MOST_DRY_RUNS: usize = 32;
 
 /// Contents of a valid file.
 pub(super) struct ValidFile {
@@ -54,10 +58,16 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
     if let Some(path) = &args.picture {
         check_picture_name(path, args.files.len())?;
     }
+    if let Some(seeds) = args.seeds.as_ref().map(|seeds| seeds.as_slice().len()).filter(|&seeds| seeds > MOST_DRY_RUNS)
+    {
+        return Err(Failure::bad_input(format!(
+            "--seeds: expected up to {MOST_DRY_RUNS} (with --plan), found {seeds}"
+        )));
+    }
     read_dash(args.files.iter().map(PathBuf::as_path))?;
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::of_files)?;
     let results: Vec<(&Path, CheckResult)> =
-        args.files.iter().map(|path| (path.as_path(), check_file(path, rig.as_ref(), args.plan, common))).collect();
+        args.files.iter().map(|path| (path.as_path(), check_file(path, rig.as_ref(), args, common))).collect();
     for (file, result) in &results {
         let Ok(ValidFile { says, report, .. }) = result else { continue };
         let file = file.display();
@@ -136,7 +146,7 @@ fn print(path: &Path, result: &CheckResult) -> Result<(), Failure> {
 
 /// Validates a file as the kind that its keys indicate; a library also against the rig given. Makes dry runs of a job
 /// that is to be planned.
-fn check_file(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Common) -> CheckResult {
+fn check_file(path: &Path, rig: Option<&RigSpec>, args: &CheckArgs, common: Common) -> CheckResult {
     let value = text_of(path).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
     let says = match value.as_ref().and_then(Document::of) {
         Some(Document::Library) => return check_library(path, rig),
@@ -152,7 +162,7 @@ fn check_file(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Comm
         Some(Document::Daemon) => check_daemon(path)?,
         Some(Document::Rig) => check_rig(path)?,
         Some(Document::Coins) => format!("coins, {} kinds", config::load_coins(path).map_err(lines)?.len()),
-        Some(Document::Job) | None => return check_job(path, rig, is_planned, common),
+        Some(Document::Job) | None => return check_job(path, rig, args, common),
     };
     Ok(ValidFile::new(says))
 }
@@ -182,21 +192,23 @@ fn check_rig(path: &Path) -> Result<String, Vec<String>> {
     Ok(format!("rig {}, {:.0} mm plate, {library}", rig.model.name, rig.model.plate_side_m * 1e3))
 }
 
-fn check_job(path: &Path, rig: Option<&RigSpec>, is_planned: bool, common: Common) -> CheckResult {
+fn check_job(path: &Path, rig: Option<&RigSpec>, args: &CheckArgs, common: Common) -> CheckResult {
     let job = match rig {
         Some(rig) => JobSpec::load_on(path, rig),
         None => JobSpec::load(path),
     };
-    let job = job.map_err(lines)?;
-    let lines_of = |fault: Diagnostic| vec![fault.to_string()];
-    let library = job_library(&job).map_err(lines)?;
-    check_places(&job).map_err(lines_of)?;
+    let mut job = job.map_err(lines)?;
+    let seeds = args.seeds.as_ref().map(Seeds::as_slice).unwrap_or_default();
+    if let Some(&seed) = args.seed.as_ref().or(seeds.first()) {
+        job = job.with_seed(seed);
+    }
+    let library = library_and_places(&job).map_err(lines)?;
     let (rig, parts, planner) = (&job.rig.model.name, job.kinds_of_parts().len(), PlannerSelection::of(&job));
     let says = format!("job {} on {rig}, parts: {parts}, planner: {}", job.name, planner.report.name);
     let mut report = None;
-    if is_planned {
+    if args.plan {
         let mut progress = LateProgress::new(common);
-        let plan = PlanReport::of(&job, &library, &mut progress).map_err(lines_of)?;
+        let plan = PlanReport::of(&job, seeds, &library, &mut progress).map_err(|fault| vec![fault.to_string()])?;
         let (chart, is_failure) = (plan_picture::plan_chart(&plan), plan.verdict().is_failure());
         report = Some(FileReport { key: "plan", lines: plan.lines(), json: plan.json(), chart, is_failure });
     }

@@ -29,7 +29,7 @@ pub enum ClientCommand {
     /// Daemon: end an emergency stop; the plate stays paused
     Reset(ResetArgs),
     /// Daemon: let a paused plate go on with its queue, and a paused standing job start
-    Resume(PlateArgs),
+    Resume(ResumeArgs),
 }
 
 /// How to reach the daemon.
@@ -146,12 +146,15 @@ pub struct ResetArgs {
     pub daemon: DaemonArgs,
 }
 
-/// Commands on one plate.
+/// `upm resume`.
 #[derive(Args, Debug)]
-pub struct PlateArgs {
+pub struct ResumeArgs {
     /// Name of the plate
     #[arg(value_name = "PLATE")]
     pub plate: String,
+    /// Operator who looked at the plate, for log and audit log [default: USER]
+    #[arg(long, value_name = "NAME")]
+    pub operator: Option<String>,
     #[command(flatten)]
     pub daemon: DaemonArgs,
 }

@@ -4,11 +4,13 @@ use std::{env, io};
 
 use tracing::Subscriber;
 use tracing::level_filters::LevelFilter;
-use tracing_subscriber::filter::Targets;
+use tracing_subscriber::Layer;
+use tracing_subscriber::filter::{Targets, filter_fn};
 use tracing_subscriber::fmt::MakeWriter;
 use tracing_subscriber::layer::SubscriberExt;
 
 use super::args::{Common, LogFormat};
+use super::timeline::Timeline;
 use super::{panics, signals};
 use upm_core::background::{BackgroundThread, OverflowPolicy, Queue};
 
@@ -19,16 +21,16 @@ const FLUSH_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Starts the log on stderr. `daemon` is the format of a daemon's log, which has times and one level more than those of
 /// other commands, since these run while a person watches. The log of a daemon never waits for its reader; dropping the
-/// returned value at the end of the process flushes its queue.
-pub(super) fn start(common: Common, daemon: Option<LogFormat>) -> Option<FlushGuard> {
+/// returned value at the end of the process flushes its queue. Spans go to `timeline`.
+pub(super) fn start(common: Common, daemon: Option<LogFormat>, timeline: Option<Timeline>) -> Option<FlushGuard> {
     let level = level(common, daemon.is_some());
     let is_colored = io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|no| no.is_empty());
     let (subscriber, flush_guard) = match daemon {
         Some(_) => {
             let (lines, flush_guard) = non_blocking(io::stderr());
-            (subscriber(daemon, level, is_colored, move || lines.clone()), Some(flush_guard))
+            (subscriber(daemon, level, is_colored, timeline, move || lines.clone()), Some(flush_guard))
         }
-        None => (subscriber(daemon, level, is_colored, io::stderr), None),
+        None => (subscriber(daemon, level, is_colored, timeline, io::stderr), None),
     };
     if tracing::subscriber::set_global_default(subscriber).is_err() {
         errln!("upm: the log was started before");
@@ -100,19 +102,23 @@ fn subscriber(
     daemon: Option<LogFormat>,
     level: LevelFilter,
     is_colored: bool,
+    timeline: Option<Timeline>,
     writer: impl for<'a> MakeWriter<'a> + Send + Sync + 'static,
 ) -> Box<dyn Subscriber + Send + Sync> {
-    let log = tracing_subscriber::fmt().with_writer(writer).with_max_level(level).with_ansi(is_colored);
+    let log = tracing_subscriber::fmt::layer().with_writer(writer).with_ansi(is_colored);
     // of a write that fails it would write to stderr, and panic where that fails, too
     let log = log.log_internal_errors(false);
     let wanted = wanted(level);
-    match daemon {
-        None => Box::new(log.without_time().finish().with(wanted)),
+    let log = match daemon {
+        None => log.without_time().with_filter(wanted).boxed(),
         Some(LogFormat::Json) => {
-            Box::new(log.json().flatten_event(true).with_current_span(false).finish().with(wanted))
+            let log = log.json().flatten_event(true).with_current_span(false).with_span_list(false);
+            log.with_filter(wanted).boxed()
         }
-        Some(LogFormat::Text) => Box::new(log.finish().with(wanted)),
-    }
+        Some(LogFormat::Text) => log.with_filter(wanted).boxed(),
+    };
+    let timeline = timeline.map(|timeline| timeline.with_filter(filter_fn(Timeline::takes)));
+    Box::new(tracing_subscriber::registry().with(log).with(timeline))
 }
 
 /// Filter: this program's messages up to `level`; of libraries warnings only, and all messages at the highest level.
@@ -130,7 +136,7 @@ mod tests {
     fn logged(daemon: Option<LogFormat>, level: LevelFilter) -> String {
         let page = TestBuffer::default();
         let writer = page.clone();
-        let subscriber = subscriber(daemon, level, false, move || writer.clone());
+        let subscriber = subscriber(daemon, level, false, None, move || writer.clone());
         tracing::subscriber::with_default(subscriber, || {
             tracing::warn!(plate = "left", "deadline missed by {} frames", 2);
             tracing::debug!("not \"told\"");
@@ -164,10 +170,13 @@ mod tests {
         let page = TestBuffer::default();
         let (lines, flush_guard) = non_blocking(page.clone());
         let writer = move || lines.clone();
-        tracing::subscriber::with_default(subscriber(Some(LogFormat::Text), LevelFilter::INFO, false, writer), || {
-            (0..100).for_each(|i| tracing::info!("{i}."));
-            drop(flush_guard);
-        });
+        tracing::subscriber::with_default(
+            subscriber(Some(LogFormat::Text), LevelFilter::INFO, false, None, writer),
+            || {
+                (0..100).for_each(|i| tracing::info!("{i}."));
+                drop(flush_guard);
+            },
+        );
         assert_eq!(page.lines().len(), 100);
     }
 

@@ -11,14 +11,14 @@ use upm_core::job::{CameraMode, Outcome, Pace};
 use upm_core::time::MonotonicClock;
 use upm_recording::{Fanout, RecordingOptions, Report, Verdict};
 use upm_runner::config::{Diagnostic, DiagnosticClass, JobSpec};
-use upm_runner::run::{self, PacingStats, RunError, RunOptions, job_library, job_warnings};
+use upm_runner::run::{self, PacingStats, RunError, RunOptions, job_warnings, library_and_places};
 use upm_viewer::USUAL_MODE;
 
 /// Default folder for run folders.
 pub(super) const USUAL_OUT: &str = "runs";
 
 pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
-    let Some(file) = &args.job else { return job_list::list() };
+    let Some(file) = &args.job else { return job_list::list(common) };
     let rerun = args.rerun.clone().unwrap_or(USUAL_MODE);
     if let Some(path) = &args.movie {
         check_ending("--movie", path, &["gif"])?;
@@ -27,7 +27,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
         }
     }
     let job = load_job(file, args)?;
-    let library = job_library(&job).map_err(Failure::faults)?;
+    let library = library_and_places(&job).map_err(Failure::faults)?;
     let warnings: Vec<String> = job_warnings(&job, &library).iter().map(ToString::to_string).collect();
     warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     let mut movie =

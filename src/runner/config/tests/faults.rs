@@ -31,7 +31,7 @@ fn a_file_of_another_kind_is_one_fault() {
     assert_eq!(lines(rig.unwrap_err()), ["$: expected a rig, found a job, for `upm run`"]);
     let mut strange = value_of("plus-sign.json");
     strange["plates"] = json!([]);
-    assert!(listing(&strange.to_string()).ends_with(", found unknown key \"plates\"\n"), "it is a job all the same");
+    assert!(listing(&strange.to_string()).contains(", found unknown key \"plates\"\n"), "it is a job all the same");
 }
 
 #[test]

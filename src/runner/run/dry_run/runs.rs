@@ -63,7 +63,8 @@ pub struct ClosestApproach {
 
 impl Sink for DryRunRecord {
     fn setpoints(&mut self, at: PlateTime, wanted: &Setpoints) {
-        self.advanced = [if wanted.progress == 0.0 { at } else { self.advanced[0] }, at];
+        let moves = wanted.done || wanted.paths.iter().flatten().any(|path| path.reference_m > 0.0);
+        self.advanced = [if moves { self.advanced[0] } else { at }, at];
         if let Some((number, sender)) = &self.progress {
             sender.send((*number, at, wanted.progress)).ok();
         }

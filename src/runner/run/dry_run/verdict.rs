@@ -47,6 +47,13 @@ impl PlanVerdict {
 /// Student's t that nine of ten values are below, for 1 to 4 degrees of freedom.
 const T_90: [f64; 4] = [3.078, 1.886, 1.638, 1.533];
 
+/// The same for any number of degrees of freedom, 0 for none: beyond the table by the expansion about the normal law,
+/// to 0.003.
+fn t_90(freedom: usize) -> f64 {
+    let beyond = 1.2816 + 0.8466 / freedom as f64 + 0.571 / (freedom * freedom) as f64;
+    freedom.checked_sub(1).map_or(0.0, |i| T_90.get(i).copied().unwrap_or(beyond))
+}
+
 impl DryRuns {
     /// Verdict of them all.
     pub fn verdict(&self) -> PlanVerdict {
@@ -88,8 +95,8 @@ impl DryRuns {
         let (count, middle_s) = (times_s.len() as f64, 0.5 * (upper_s + lower_s));
         let mean = times_s.iter().map(|time_s| libm::log(*time_s)).sum::<f64>() / count;
         let squares: f64 = times_s.iter().map(|time_s| (libm::log(*time_s) - mean).powi(2)).sum();
-        let t = times_s.len().checked_sub(2).map_or(0.0, |i| T_90[i.min(T_90.len() - 1)]);
-        let off = t * (squares / (count - 1.0).max(1.0) * (1.0 + 1.0 / count)).sqrt();
+        let off =
+            t_90(times_s.len().saturating_sub(1)) * (squares / (count - 1.0).max(1.0) * (1.0 + 1.0 / count)).sqrt();
         let [least_s, most_s] = [-off, off].map(|off| libm::exp(mean + off));
         Some([least_s.min(middle_s - cycle_s), middle_s, most_s.max(middle_s + cycle_s)])
     }
@@ -165,6 +172,7 @@ mod tests {
             DryRuns(vec![one(9.0, 0.003, &[("a", 2), ("b", 1)]), one(4.0, 0.001, &[]), one(5.0, 0.002, &[("b", 3)])]);
         assert_eq!(dry_runs.verdict(), PlanVerdict::CanBeDone);
         // the mean of the logarithms is ln 5.646, their standard deviation 0.4185
+        assert!((t_90(5) - 1.476).abs() < 0.003 && (t_90(19) - 1.328).abs() < 0.001);
         let off = 1.886 * 0.418_5 * (4.0f64 / 3.0).sqrt();
         let [least_s, middle_s, most_s] = dry_runs.bracket_s().unwrap();
         assert!(middle_s == 5.0 && (most_s / 5.646 - libm::exp(off)).abs() < 0.01, "{most_s}");

@@ -94,6 +94,19 @@ fn standing_job_runs_when_idle_gives_way_to_a_queued_job_and_runs_again() {
 }
 
 #[test]
+fn endless_standing_job_begins_again_when_its_recording_is_large() {
+    let test_plates = test_plates(endless());
+    let plates = ShutDownPlates(test_plates.open(None));
+    let plate = plates.get("one").unwrap();
+    let first = cycling(plate);
+    plate.job.running().unwrap().recording.add_bytes(33_000_000);
+    let ended = test_plates.ended(&first);
+    let stop = &ended.report.as_ref().unwrap()["stop"];
+    assert_eq!((ended.state, &stop["code"]), (JobState::Completed, &"gave_way".into()));
+    assert!(cycling(plate) != first);
+}
+
+#[test]
 fn endless_standing_job_is_completed_at_its_limit_and_begins_again() {
     let test_plates = test_plates(setup(r#"{ "type": "hold" }"#, 0.5));
     let plates = ShutDownPlates(test_plates.open(None));

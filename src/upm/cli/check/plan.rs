@@ -20,9 +20,14 @@ pub(super) struct PlanReport<'a> {
 }
 
 impl<'a> PlanReport<'a> {
-    /// Makes dry runs of `job` with `library`; shows progress on stderr if it takes long.
-    pub fn of(job: &'a JobSpec, library: &Arc<Library>, progress: &mut LateProgress) -> Result<Self, Diagnostic> {
-        let forecast = dry_run(job, library, &AtomicBool::new(false), &mut |at, done| {
+    /// Makes dry runs of `job` as [`dry_run`] does; shows progress on stderr if it takes long.
+    pub fn of(
+        job: &'a JobSpec,
+        seeds: &[u64],
+        library: &Arc<Library>,
+        progress: &mut LateProgress,
+    ) -> Result<Self, Diagnostic> {
+        let forecast = dry_run(job, seeds, library, &AtomicBool::new(false), &mut |at, done| {
             progress.show(done, || format!("dry runs, plate {:6.1} s", at.secs()));
         });
         progress.finish();

@@ -122,7 +122,7 @@ mod tests {
         let job = JobSpec::load(&path).unwrap();
         let library = job_library(&job).unwrap();
         let mut progress = LateProgress::new(Common { json: false, verbose: 0, quiet: true });
-        plan_chart(&PlanReport::of(&job, &library, &mut progress).unwrap())
+        plan_chart(&PlanReport::of(&job, &[], &library, &mut progress).unwrap())
     }
 
     fn named<'a>(chart: &'a Chart, label: &str) -> &'a Layer {

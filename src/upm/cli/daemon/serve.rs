@@ -125,7 +125,7 @@ mod tests {
 
     fn args(config: &str, listen: SocketAddr) -> ServeArgs {
         let config = Path::new(env!("CARGO_MANIFEST_DIR")).join(config);
-        ServeArgs { config, listen: Some(listen), data: None, check: true, log: LogFormat::Text }
+        ServeArgs { config, listen: Some(listen), data: None, check: true, trace: None, log: LogFormat::Text }
     }
 
     #[test]

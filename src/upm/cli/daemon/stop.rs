@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::client::{Client, ClientRefusal, on_one_line, plate_path};
 use super::{jobs, local_stop};
 use crate::cli::args::Common;
-use crate::cli::client_args::{EstopArgs, PlateArgs, ResetArgs};
+use crate::cli::client_args::{EstopArgs, ResetArgs, ResumeArgs};
 use crate::cli::output::{Failure, NOT_REACHED, print, print_json};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_server::api::{EStopped, Plate, Plates, ResetRequest};
@@ -165,9 +165,11 @@ pub(super) fn reset(args: &ResetArgs, common: Common) -> Result<u8, Failure> {
     report_plate(&Client::new(&args.daemon)?.post(&format!("{path}/reset"), &body, None)?, common)
 }
 
-pub(super) fn resume(args: &PlateArgs, common: Common) -> Result<u8, Failure> {
+pub(super) fn resume(args: &ResumeArgs, common: Common) -> Result<u8, Failure> {
     let path = plate_path(&args.plate)?;
-    report_plate(&Client::new(&args.daemon)?.post(&format!("{path}/resume"), "", None)?, common)
+    let operator = args.operator.clone().or_else(|| std::env::var("USER").ok()).unwrap_or_default();
+    let operator: String = operator.bytes().map(|byte| format!("%{byte:02x}")).collect();
+    report_plate(&Client::new(&args.daemon)?.post(&format!("{path}/resume?operator={operator}"), "", None)?, common)
 }
 
 fn report_plate(plate: &Plate, common: Common) -> Result<u8, Failure> {
