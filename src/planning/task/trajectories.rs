@@ -1,4 +1,5 @@
 use super::path_follower::{PathFollower, PlateScene};
+use super::room::places_beside;
 use super::{LateLap, PathStretch, Setpoints, Task};
 use upm_core::geometry::{Polyline, Segment, Vec2};
 use upm_core::time::PlateTime;
@@ -20,12 +21,20 @@ const IN_TIME: f64 = 0.97;
 /// The path of one part.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PathParams {
-    /// Corners, m. A part without corners stays where it was first seen.
+    /// Corners, m. A part without corners stays where it was first seen, and makes room where it lies on a path.
     pub waypoints_m: Vec<Vec2>,
     /// Speed along the path, m/s of plate time.
     pub speed_mps: f64,
     /// Number of passes through the waypoints, from the last straight back to the first; 0 for an endless path.
     pub repeat: u32,
+}
+
+impl PathParams {
+    /// The whole way of a part, once.
+    fn line(&self, is_closed: bool) -> Polyline {
+        let back = self.waypoints_m.get(..1).filter(|_| is_closed || self.repeat != 1);
+        Polyline::new([&self.waypoints_m, back.unwrap_or_default()].concat())
+    }
 }
 
 /// Parameters of parts on paths.
@@ -72,16 +81,18 @@ impl Trajectories {
     }
 
     fn begin(&mut self, parts_in_table_m: &[Vec2]) -> PathFollower {
-        let TrajectoriesParams { scene, paths, in_phase, .. } = &self.params;
-        let follower = |(i, part_m): (usize, &Vec2)| {
+        let TrajectoriesParams { scene, paths, in_phase, corridor_m, .. } = &self.params;
+        let finite_m = |part_m: &Vec2| if part_m.iter().all(|x| x.is_finite()) { *part_m } else { Vec2::zeros() };
+        let seen_m: Vec<Vec2> = parts_in_table_m.iter().map(finite_m).collect();
+        let line = |path: &PathParams| (!path.waypoints_m.is_empty()).then(|| path.line(*in_phase));
+        let firsts_m = places_beside(scene, &paths.iter().map(line).collect::<Vec<_>>(), *corridor_m, &seen_m);
+        let follower = |(i, first_m): (usize, &Vec2)| {
             let path = paths.get(i).filter(|path| !path.waypoints_m.is_empty()).cloned();
-            let finite_m = if part_m.iter().all(|x| x.is_finite()) { *part_m } else { Vec2::zeros() };
-            let stays = || PathParams { waypoints_m: vec![finite_m], repeat: 1, speed_mps: 0.0 };
+            let stays = || PathParams { waypoints_m: vec![*first_m], repeat: 1, speed_mps: 0.0 };
             CurveFollower::new(path.unwrap_or_else(stays), *in_phase)
         };
-        self.followers = parts_in_table_m.iter().enumerate().map(follower).collect();
+        self.followers = firsts_m.iter().enumerate().map(follower).collect();
         self.begun_at = None;
-        let firsts_m: Vec<Vec2> = self.followers.iter().map(|follower| follower.lap.at(0.0)).collect();
         let each_its_own = (0..self.followers.len()).collect();
         PathFollower::new(scene, &firsts_m, each_its_own, parts_in_table_m)
     }
