@@ -35,10 +35,13 @@ const CREEP_SHARE: f64 = 0.1;
 ///
 /// The measures are the distances of all parts from the task's targets and from its subgoals, each the root of a sum of
 /// squares, and the least distance of each part from its target. Parts on paths have progressed when one of them has
-/// advanced: a reference waits for its part, and its target may be a whole lap ahead.
+/// advanced: a reference waits for its part, and its target may be a whole lap ahead. The way to the first points of
+/// paths is one to places.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProgressWatch {
     follows_paths: bool,
+    /// True once the parts are on their paths.
+    on_paths: bool,
     tolerance_m: f64,
     targets_m: Vec<Vec2>,
     subgoals_m: Vec<Vec2>,
@@ -95,9 +98,13 @@ impl ProgressWatch {
     /// Takes an observation at rest; `played` is true when pulses came before it. Returns true when the run no longer
     /// makes progress.
     pub fn observe(&mut self, wanted: &Setpoints, seen_m: &[Vec2], played: bool) -> bool {
-        if distance_m(seen_m, &wanted.subgoals_m) == 0.0 {
+        let (on_paths, rests) = (!wanted.paths.is_empty(), distance_m(seen_m, &wanted.subgoals_m) == 0.0);
+        if rests || self.on_paths != (self.follows_paths && on_paths) {
+            *self =
+                Self { on_paths: self.follows_paths && on_paths, ..Self::new(self.follows_paths, self.tolerance_m) };
+        }
+        if rests {
             // no part has a target: a hold that succeeds
-            *self = Self::new(self.follows_paths, self.tolerance_m);
             return false;
         }
         let (futile, detour) = (self.futile + u32::from(played), self.detour + u32::from(played));
@@ -117,12 +124,12 @@ impl ProgressWatch {
         }
         let nearer = improves(&mut self.from_targets_m, from_targets_m);
         self.creep.observe(seen_m, farthest_m(seen_m, &wanted.subgoals_m), played);
-        let is_carried_on = self.follows_paths && self.creep.cycles == 0;
+        let is_carried_on = self.on_paths && self.creep.cycles == 0;
         let gets_on = improves(&mut self.from_subgoals_m, from_subgoals_m) || is_carried_on;
         let one_gets_on = self.one_is_nearer(seen_m);
-        self.detour = if nearer || self.follows_paths { 0 } else { detour };
+        self.detour = if nearer || self.on_paths { 0 } else { detour };
         // on a path a creeping part comes nearer to the end of its lap, too
-        let by_targets = (nearer || one_gets_on) && !self.follows_paths;
+        let by_targets = (nearer || one_gets_on) && !self.on_paths;
         self.futile = if gets_on || by_targets { 0 } else { futile };
         if self.futile == 0 {
             self.limit = None;
@@ -181,7 +188,7 @@ impl ProgressWatch {
     /// The part that is farthest from where it should be, among those that are blocked if there are any, and its way to
     /// its target, or on a path to its subgoal, m; `None` without parts.
     fn blocking_part(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> Option<(usize, Vec2)> {
-        let ends_m = if self.follows_paths { &wanted.subgoals_m } else { &wanted.targets_m };
+        let ends_m = if self.on_paths { &wanted.subgoals_m } else { &wanted.targets_m };
         let ways = seen_m.iter().zip(ends_m).map(|(seen, end)| end - seen).enumerate();
         let limiting = ways.filter(|(part, _)| wanted.blocked.is_empty() || wanted.blocked.contains(part));
         limiting.max_by(|a, b| a.1.norm_squared().total_cmp(&b.1.norm_squared()))
@@ -231,6 +238,7 @@ mod tests {
         let mut watch = ProgressWatch::new(paths, TOLERANCE_M);
         (0..cycles).find(|&cycle| {
             let (wanted, seen_m) = at(cycle);
+            let wanted = Setpoints { paths: vec![None; usize::from(paths)], ..wanted };
             watch.observe(&wanted, &[seen_m], cycle > 0)
         })
     }
@@ -326,6 +334,7 @@ mod tests {
         let makes_progress = |step_m: f64| {
             let mut watch = ProgressWatch::new(false, TOLERANCE_M);
             for (wanted, seen_m) in (0..10).map(creeps(step_m)) {
+                let wanted = Setpoints { paths: vec![None], ..wanted };
                 assert!(!watch.observe(&wanted, &[seen_m], true));
             }
             watch.makes_progress()

@@ -8,8 +8,8 @@ use super::rules::Source;
 /// capability is worth it, and lowered when its crate shrinks.
 const CEILINGS: [(&str, usize); 14] = [
     ("chart", 786),
-    ("control", 3993),
-    ("core", 2574), // 14 of issue 48's budget
+    ("control", 4040), // 47 of issue 48's budget: which parts wait for which
+    ("core", 2574),    // 14 of issue 48's budget
     ("fixtures", 336),
     ("lab", 6188),
     ("perception", 4820),

@@ -76,7 +76,7 @@ pub(super) struct PathFollower {
     /// Group of each part; parts of one group may exchange their places.
     groups: Vec<usize>,
     /// Index of each part's place.
-    place_of: Vec<usize>,
+    pub(super) place_of: Vec<usize>,
     /// Latest position of each part, m.
     pub(super) seen_m: Vec<Vec2>,
     /// Remaining stages, m: positions of all parts; from each to the next they move straight and in step.

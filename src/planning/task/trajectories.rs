@@ -1,6 +1,6 @@
 use super::path_follower::{PathFollower, PlateScene};
 use super::room::places_beside;
-use super::{LateLap, PathStretch, Setpoints, Task};
+use super::{LateLap, PartOutline, PathStretch, Setpoints, Task};
 use upm_core::geometry::{Polyline, Segment, Vec2};
 use upm_core::time::PlateTime;
 
@@ -27,6 +27,8 @@ pub struct PathParams {
     pub speed_mps: f64,
     /// Number of passes through the waypoints, from the last straight back to the first; 0 for an endless path.
     pub repeat: u32,
+    /// True where the part may exchange its path with another of its kind, so that ways to the first points are short.
+    pub exchange: bool,
 }
 
 impl PathParams {
@@ -88,13 +90,15 @@ impl Trajectories {
         let firsts_m = places_beside(scene, &paths.iter().map(line).collect::<Vec<_>>(), *corridor_m, &seen_m);
         let follower = |(i, first_m): (usize, &Vec2)| {
             let path = paths.get(i).filter(|path| !path.waypoints_m.is_empty()).cloned();
-            let stays = || PathParams { waypoints_m: vec![*first_m], repeat: 1, speed_mps: 0.0 };
+            let stays = || PathParams { waypoints_m: vec![*first_m], repeat: 1, ..PathParams::default() };
             CurveFollower::new(path.unwrap_or_else(stays), *in_phase)
         };
         self.followers = firsts_m.iter().enumerate().map(follower).collect();
         self.begun_at = None;
-        let each_its_own = (0..self.followers.len()).collect();
-        PathFollower::new(scene, &firsts_m, each_its_own, parts_in_table_m)
+        let may = |i: usize| paths.get(i).is_some_and(|path| path.exchange);
+        let group = |(i, disc): (usize, &PartOutline)| if may(i) { disc.kind } else { usize::MAX - i };
+        let groups = scene.discs.iter().enumerate().map(group).collect();
+        PathFollower::new(scene, &firsts_m, groups, parts_in_table_m)
     }
 
     /// Moves the references on by `elapsed_s` and the subgoals ahead of them.
@@ -214,6 +218,7 @@ impl Task for Trajectories {
             approach.observe(parts_in_table_m);
             if of > 0 && approach.distances_m().all(|distance_m| distance_m <= self.params.arrive_m) {
                 (self.begun_at, self.lap_begun_at) = (Some(now), now);
+                self.followers = approach.place_of.iter().map(|&path| self.followers[path].clone()).collect();
             }
         }
         let wanted = if self.begun_at.is_none() {

@@ -196,7 +196,7 @@ pub(crate) struct PathEntry {
     /// Along the one line of an SVG drawing.
     pub(crate) svg: Option<SvgShape>,
     /// Parts that follow this path, evenly spaced round it. With more than one, the line back from its last point to
-    /// the first is a part of it.
+    /// the first is a part of it, and parts of one kind may exchange their paths and first points.
     #[serde(default = "whole::<u32, 1>")]
     #[schemars(range(min = 1, max = 64))]
     pub(crate) count: u32,

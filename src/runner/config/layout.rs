@@ -45,7 +45,7 @@ impl JobLayout {
                 }
                 TaskSpec::Trajectories { paths, .. } => {
                     let path = |(part, wanted): (usize, &PathParams)| LayoutPath {
-                        part: Some(part),
+                        part: Some(part).filter(|_| !wanted.exchange),
                         waypoints_m: wanted.waypoints_m.clone(),
                         closed: wanted.repeat != 1,
                     };

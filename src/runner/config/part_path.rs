@@ -54,7 +54,12 @@ impl PartPath {
             shape_at: at.key(line.key),
             growth: line.growth.clone(),
             has_file_corners: line.growth.is_none() && count == 1,
-            params: PathParams { waypoints_m: waypoints_m(k), speed_mps: entry.speed_mps, repeat: entry.repeat },
+            params: PathParams {
+                waypoints_m: waypoints_m(k),
+                speed_mps: entry.speed_mps,
+                repeat: entry.repeat,
+                exchange: count > 1 && entry.parts.is_none(),
+            },
         };
         (0..count).map(part_path).collect()
     }
