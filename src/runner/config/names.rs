@@ -84,11 +84,11 @@ impl TaskContext<'_> {
             ids: parts.iter().map(|&part| self.ids[part].clone()).collect(),
         }
     }
-}
 
-/// What each of `count` parts is asked for: `asked` of those in `parts`, nothing of the others.
-pub(super) fn of_each<T: Clone>(count: usize, parts: &[usize], asked: Vec<T>) -> Vec<Option<T>> {
-    let mut each = vec![None; count];
-    parts.iter().zip(asked).for_each(|(&part, asked)| each[part] = Some(asked));
-    each
+    /// `asked` for each of the parts with these indices; nothing for the others.
+    pub(super) fn of_each<T: Clone>(&self, parts: &[usize], asked: Vec<T>) -> Vec<Option<T>> {
+        let mut each = vec![None; self.ids.len()];
+        parts.iter().zip(asked).for_each(|(&part, asked)| each[part] = Some(asked));
+        each
+    }
 }

@@ -2,7 +2,6 @@ use std::f64::consts::TAU;
 
 use super::job_file::{Assignment, PlannerChoice, TaskSection};
 use super::kinds::{PartGroup, each_kind, part_ids};
-use super::names::of_each;
 use super::rig::RigSpec;
 use upm_core::document::{Diagnostics, Path, counted};
 use upm_core::geometry::Vec2;
@@ -103,7 +102,7 @@ pub(super) fn build(
             let parts = scene.named_on(paths, faults)?;
             let of_named = scene.with_parts(&parts).trajectories(paths, *in_phase, faults)?;
             let stays = || PathParams { repeat: 1, ..PathParams::default() };
-            let paths = of_each(scene.kinds.len(), &parts, of_named).into_iter().map(|path| path.unwrap_or_else(stays));
+            let paths = scene.of_each(&parts, of_named).into_iter().map(|path| path.unwrap_or_else(stays));
             let paths = paths.collect();
             Some(TaskSpec::Trajectories { paths, in_phase: *in_phase, corridor_m: *corridor_m })
         }
@@ -111,7 +110,7 @@ pub(super) fn build(
             let parts = scene.named(names.as_deref(), faults)?;
             let of_named = scene.with_parts(&parts).targets(targets_m.as_deref(), targets.as_deref(), faults)?;
             let usual = if names.is_some() { Assignment::Fixed } else { Assignment::Optimal };
-            let targets_m = of_each(scene.kinds.len(), &parts, of_named);
+            let targets_m = scene.of_each(&parts, of_named);
             Some(TaskSpec::Arrange { targets_m, assignment: assignment.unwrap_or(usual) })
         }
         TaskSection::Sort { bins } => scene.sort(bins, faults),
