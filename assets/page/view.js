@@ -127,9 +127,13 @@ export class View {
   drawParts(positions, radii) {
     const part = (position, i) => {
       const radius = radii[i] ?? RADIUS_MM;
-      const number = svg('text', { 'text-anchor': 'middle', dy: '0.35em', 'font-size': radius }, String(i + 1));
+      const { id = '', kind = '' } = this.layout.parts[i] ?? {};
+      // `penny-3` is no name of its own
+      const name = Number(id.slice(kind.length + 1)) ? String(i + 1) : id || String(i + 1);
+      const size = radius * Math.min(1, 3 / name.length);
+      const label = svg('text', { 'text-anchor': 'middle', dy: '0.35em', 'font-size': size }, name);
       const at = { class: `part ${this.colourOf(i)}`, transform: `translate(${point(position)})` };
-      return svg('g', at, svg('circle', { r: radius }), number);
+      return svg('g', at, svg('circle', { r: radius }), label);
     };
     this.parts.replaceChildren(...positions.map(part));
   }

@@ -10,6 +10,7 @@ use std::sync::atomic::Ordering;
 use super::findings::Findings;
 use super::found::{Found, Reason, finding_of_plan};
 use super::guards::{MotionGuard, StepGuard};
+use super::hindrance::past;
 use super::params::ControlParams;
 use super::perception::{FramePurpose, Perception};
 use super::planning::{Planning, STALLED_S};
@@ -185,11 +186,10 @@ impl ControlCycle<'_, '_> {
                 return self.observe_at_rest();
             }
         }
-        self.warn_of_hindrances(&wanted);
+        self.warn_of_hindrances(&wanted, &observed);
         self.check_limits()?;
         if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has(Finding::NoProgress) {
-            let id = |part| self.params.id(part);
-            return Break(self.planning.watch.ending(&wanted, &observed, id));
+            return Break(self.planning.watch.ending(&wanted, &observed, self.params));
         }
         // where nothing is asked, the plate rests until a part has drifted, or time has passed
         if !wanted.asks_nothing(&observed)
@@ -256,11 +256,12 @@ impl ControlCycle<'_, '_> {
     }
 
     /// Reports parts without a free path and laps that took longer than asked.
-    fn warn_of_hindrances(&mut self, wanted: &Setpoints) {
+    fn warn_of_hindrances(&mut self, wanted: &Setpoints, seen_m: &[Vec2]) {
         // parts in motion go straight, and wait for each other only while they meet
         let blocked = if self.moving().is_some() { &[] } else { wanted.blocked.as_slice() };
         for &part in blocked {
-            let reason = format!("{} is blocked: no free path to its target", self.params.id(part));
+            let past = past(self.params, part, seen_m, &wanted.targets_m);
+            let reason = format!("{} is blocked: no free path to its target{past}", self.params.id(part));
             self.warn(Found::about(Finding::PartBlocked, part), reason);
         }
         if let Some(LateLap { lap, took_s, asked_s }) = wanted.late_lap {

@@ -11,6 +11,7 @@ mod findings;
 mod found;
 mod gain_estimator;
 mod guards;
+mod hindrance;
 mod params;
 mod perception;
 mod planning;

@@ -4,7 +4,7 @@ use upm_core::rig::PartKind;
 use upm_planning::planner::{PlannerParams, PlanningMethod};
 
 /// Parameters of a run in addition to the rig's model.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ControlParams {
     /// Kinds of parts on the plate.
     pub kinds: Vec<PartKind>,

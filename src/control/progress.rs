@@ -1,6 +1,8 @@
 //! Net progress of a run: a run whose pulses bring no part nearer ends instead of going on to its time limit.
 
 use super::found::finding_of_plan;
+use super::hindrance::{dense_places, past};
+use super::params::ControlParams;
 use super::run_end::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
@@ -35,10 +37,13 @@ const CREEP_SHARE: f64 = 0.1;
 ///
 /// The measures are the distances of all parts from the task's targets and from its subgoals, each the root of a sum of
 /// squares, and the least distance of each part from its target. Parts on paths have progressed when one of them has
-/// advanced: a reference waits for its part, and its target may be a whole lap ahead.
+/// advanced: a reference waits for its part, and its target may be a whole lap ahead. The way to the first points of
+/// paths is one to places.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProgressWatch {
     follows_paths: bool,
+    /// True once the parts are on their paths.
+    on_paths: bool,
     tolerance_m: f64,
     targets_m: Vec<Vec2>,
     subgoals_m: Vec<Vec2>,
@@ -95,9 +100,13 @@ impl ProgressWatch {
     /// Takes an observation at rest; `played` is true when pulses came before it. Returns true when the run no longer
     /// makes progress.
     pub fn observe(&mut self, wanted: &Setpoints, seen_m: &[Vec2], played: bool) -> bool {
-        if distance_m(seen_m, &wanted.subgoals_m) == 0.0 {
+        let (on_paths, rests) = (!wanted.paths.is_empty(), distance_m(seen_m, &wanted.subgoals_m) == 0.0);
+        if rests || self.on_paths != (self.follows_paths && on_paths) {
+            *self =
+                Self { on_paths: self.follows_paths && on_paths, ..Self::new(self.follows_paths, self.tolerance_m) };
+        }
+        if rests {
             // no part has a target: a hold that succeeds
-            *self = Self::new(self.follows_paths, self.tolerance_m);
             return false;
         }
         let (futile, detour) = (self.futile + u32::from(played), self.detour + u32::from(played));
@@ -117,12 +126,12 @@ impl ProgressWatch {
         }
         let nearer = improves(&mut self.from_targets_m, from_targets_m);
         self.creep.observe(seen_m, farthest_m(seen_m, &wanted.subgoals_m), played);
-        let is_carried_on = self.follows_paths && self.creep.cycles == 0;
+        let is_carried_on = self.on_paths && self.creep.cycles == 0;
         let gets_on = improves(&mut self.from_subgoals_m, from_subgoals_m) || is_carried_on;
         let one_gets_on = self.one_is_nearer(seen_m);
-        self.detour = if nearer || self.follows_paths { 0 } else { detour };
+        self.detour = if nearer || self.on_paths { 0 } else { detour };
         // on a path a creeping part comes nearer to the end of its lap, too
-        let by_targets = (nearer || one_gets_on) && !self.follows_paths;
+        let by_targets = (nearer || one_gets_on) && !self.on_paths;
         self.futile = if gets_on || by_targets { 0 } else { futile };
         if self.futile == 0 {
             self.limit = None;
@@ -150,16 +159,29 @@ impl ProgressWatch {
         any
     }
 
-    /// The ending of a run without progress: the part that hinders it, its vector to the target, and the limit that
-    /// made plans infeasible.
-    pub fn ending<'a>(&self, wanted: &Setpoints, seen_m: &[Vec2], id: impl Fn(usize) -> &'a str + Copy) -> RunEnd {
+    /// The ending of a run without progress. Where parts wait for each other it says which; otherwise it names the part
+    /// that hinders it, its vector to the target, and the limit that made plans infeasible.
+    pub fn ending(&self, wanted: &Setpoints, seen_m: &[Vec2], params: &ControlParams) -> RunEnd {
         let cycles = if self.futile >= FUTILE_CYCLES { self.futile } else { self.detour };
         let percent = 100.0 * SHARE;
-        let blocking_part = self.blocking_part_description(wanted, seen_m, id);
-        let limit = self.limit.and_then(|limit| finding_of_plan(&PlanStatus::Infeasible(limit), id));
+        let (ends_m, part) = (self.ends_m(wanted), self.blocking_part(wanted, seen_m).map(|(part, _)| part));
+        let by_others = match (self.limit, part.filter(|part| wanted.blocked.contains(part))) {
+            (Some(Limit::Separation { parts: [a, b] }), _) => Some(format!("{} and {}", params.id(a), params.id(b))),
+            (_, Some(part)) => Some(format!("{} has no way{}", params.id(part), past(params, part, seen_m, ends_m))),
+            _ => None,
+        };
+        let blocking_part = self.blocking_part_description(wanted, seen_m, |part| params.id(part));
+        let few = format!("less than {percent:.0} % nearer in {cycles} plans; {blocking_part}");
+        let dense = part.and_then(|part| dense_places(params, part, ends_m));
+        if by_others.is_some() || dense.is_some() {
+            let told = [by_others, dense].into_iter().flatten().collect::<Vec<_>>().join("; ");
+            let reason = format!("parts wait for each other: {told}; {few}");
+            return RunEnd::failed_because(Finding::PartsHinder, reason);
+        }
+        let limit =
+            self.limit.and_then(|limit| finding_of_plan(&PlanStatus::Infeasible(limit), |part| params.id(part)));
         let limit = limit.map(|(_, why)| format!("; plans were cut short because {why}")).unwrap_or_default();
-        let reason = format!("no progress: less than {percent:.0} % nearer in {cycles} plans; {blocking_part}{limit}");
-        RunEnd::failed_because(Finding::NoProgress, reason)
+        RunEnd::failed_because(Finding::NoProgress, format!("no progress: {few}{limit}"))
     }
 
     /// For people: the part that hinders progress, its distance from its place and the direction.
@@ -178,11 +200,15 @@ impl ProgressWatch {
         format!("{} is {way_mm:.2} mm from its place, which is towards {direction_deg:.0} deg{blocked}", id(part))
     }
 
+    /// Where the parts go: on paths to their subgoals, else to their targets, m.
+    fn ends_m<'a>(&self, wanted: &'a Setpoints) -> &'a [Vec2] {
+        if self.on_paths { &wanted.subgoals_m } else { &wanted.targets_m }
+    }
+
     /// The part that is farthest from where it should be, among those that are blocked if there are any, and its way to
     /// its target, or on a path to its subgoal, m; `None` without parts.
     fn blocking_part(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> Option<(usize, Vec2)> {
-        let ends_m = if self.follows_paths { &wanted.subgoals_m } else { &wanted.targets_m };
-        let ways = seen_m.iter().zip(ends_m).map(|(seen, end)| end - seen).enumerate();
+        let ways = seen_m.iter().zip(self.ends_m(wanted)).map(|(seen, end)| end - seen).enumerate();
         let limiting = ways.filter(|(part, _)| wanted.blocked.is_empty() || wanted.blocked.contains(part));
         limiting.max_by(|a, b| a.1.norm_squared().total_cmp(&b.1.norm_squared()))
     }
@@ -214,6 +240,8 @@ fn improves(least_m: &mut f64, now_m: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ExpectedPart;
+    use upm_core::rig::PartKind;
 
     const TOLERANCE_M: f64 = 0.5e-3;
 
@@ -231,6 +259,7 @@ mod tests {
         let mut watch = ProgressWatch::new(paths, TOLERANCE_M);
         (0..cycles).find(|&cycle| {
             let (wanted, seen_m) = at(cycle);
+            let wanted = Setpoints { paths: vec![None; usize::from(paths)], ..wanted };
             watch.observe(&wanted, &[seen_m], cycle > 0)
         })
     }
@@ -326,6 +355,7 @@ mod tests {
         let makes_progress = |step_m: f64| {
             let mut watch = ProgressWatch::new(false, TOLERANCE_M);
             for (wanted, seen_m) in (0..10).map(creeps(step_m)) {
+                let wanted = Setpoints { paths: vec![None], ..wanted };
                 assert!(!watch.observe(&wanted, &[seen_m], true));
             }
             watch.makes_progress()
@@ -343,7 +373,11 @@ mod tests {
         watch.note(&PlanStatus::Infeasible(Limit::Edge { part: 1 }));
         let ended = (0..FUTILE_CYCLES).filter(|_| watch.observe(&wanted, &seen_m, true)).count();
         assert_eq!(ended, 1, "in the last cycle");
-        let ending = watch.ending(&wanted, &seen_m, |part| ["a", "b"][part]);
+        let part = |id: &str| ExpectedPart { id: id.into(), kind: 0, expected_m: None };
+        let kinds = |radius_m| vec![PartKind { name: "disc".into(), radius_m, thickness_m: 1e-3 }];
+        let parts = ["a", "b"].map(part).to_vec();
+        let params = ControlParams { parts, kinds: kinds(5e-3), ..ControlParams::default() };
+        let ending = watch.ending(&wanted, &seen_m, &params);
         assert_eq!(ending.cause, Some(Finding::NoProgress.into()));
         let parts =
             ["less than 1 % nearer in 20 plans", "b is 3.00 mm", "towards 90 deg", "b would cross the edge margin"];
@@ -351,6 +385,10 @@ mod tests {
         let blocked = Setpoints { blocked: vec![0], ..wanted.clone() };
         let said = watch.blocking_part_description(&blocked, &seen_m, |part| ["a", "b"][part]);
         assert_eq!(said, "a is 1.00 mm from its place, which is towards 180 deg, and blocked by other parts");
+        watch.note(&PlanStatus::Infeasible(Limit::Separation { parts: [0, 1] }));
+        let ending = watch.ending(&wanted, &seen_m, &params);
+        assert_eq!(ending.cause, Some(Finding::PartsHinder.into()));
+        assert!(ending.reason.starts_with("parts wait for each other: a and b; less"), "{}", ending.reason);
         watch.observe(&wanted, &[x(0.0), x(0.0201)], true);
         assert_eq!(watch.limit, None, "nearer again");
     }

@@ -106,8 +106,8 @@ pub struct Region {
 /// A part of a job as it is shown, or a kind of part.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LayoutPart {
-    /// Name in its run: `penny-1`; empty for a kind.
-    #[serde(skip)]
+    /// Name in its run: its own, or `penny-1`; empty for a kind.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub id: String,
     /// Name of its kind.
     pub kind: String,

@@ -9,6 +9,7 @@ mod least_effort;
 mod multi_disc;
 mod path_follower;
 mod plus_sign;
+mod room;
 mod routes;
 mod sequence;
 mod slots;

@@ -25,6 +25,7 @@ mod job;
 mod job_file;
 mod kinds;
 mod layout;
+mod names;
 mod part_path;
 mod paths;
 mod placement;

@@ -205,15 +205,14 @@ impl ControlCycle<'_, '_> {
         }
         let is_counted = segments.is_multiple_of(SEGMENTS_A_CYCLE);
         if is_counted {
-            self.warn_of_hindrances(&wanted);
+            self.warn_of_hindrances(&wanted, &places_m);
             self.warn_of_corridors(&wanted);
         }
         if is_counted
             && self.planning.watch.observe(&wanted, &places_m, true)
             && self.params.guards.has(Finding::NoProgress)
         {
-            let id = |part| self.params.id(part);
-            return Break(self.planning.watch.ending(&wanted, &places_m, id));
+            return Break(self.planning.watch.ending(&wanted, &places_m, self.params));
         }
         self.plan_segment(wanted).map_continue(Some)
     }

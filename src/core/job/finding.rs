@@ -78,6 +78,9 @@ findings! {
     PartStuck = "part_stuck", Pauses, "check that the part lies flat and free, and clean it";
     /// Pulses, or time without one, brought no part nearer to its target.
     NoProgress = "no_progress", Pauses, "check that the parts lie flat and free, and that the targets can be reached";
+    /// Parts wait for each other: none came nearer to its target past the others.
+    PartsHinder = "parts_hinder", Ends,
+        "more room between places or paths helps, or fewer parts at a time: `tasks` that name their `parts`";
     /// The plate time limit was reached.
     TimeLimit = "time_limit", Pauses, "check that the parts move freely, or give the job more time";
     /// A part cannot be seen any more.

@@ -38,7 +38,7 @@ coded_enum! {
 }
 
 /// Limits and wishes that the planner observes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlannerParams {
     /// Half the plate's side, m.
     pub half_side_m: f64,

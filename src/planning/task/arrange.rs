@@ -1,6 +1,7 @@
 use super::path_follower::{PathFollower, PlateScene};
+use super::room::places_beside;
 use super::{PartOutline, Setpoints, Task};
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Polyline, Vec2};
 use upm_core::time::PlateTime;
 
 /// Parameters of an arrangement: every part goes to a target.
@@ -8,8 +9,9 @@ use upm_core::time::PlateTime;
 pub struct ArrangeParams {
     /// The plate and its parts.
     pub scene: PlateScene,
-    /// Target of each part, m. Parts beyond the list stay where they were first seen.
-    pub targets_m: Vec<Vec2>,
+    /// Target of each part, m. Parts without one stay where they were first seen, and make room where they lie on the
+    /// target of another.
+    pub targets_m: Vec<Option<Vec2>>,
     /// True when parts of one kind may exchange their targets.
     pub exchange: bool,
     /// Distance from its target within which a part has arrived, m.
@@ -30,9 +32,10 @@ impl Arrange {
     }
 }
 
-/// Group numbers: parts of one kind share one when they may exchange, otherwise each part has its own.
-fn groups(discs: &[PartOutline], exchange: bool) -> Vec<usize> {
-    discs.iter().enumerate().map(|(i, disc)| if exchange { disc.kind } else { i }).collect()
+/// Group numbers: parts of one kind share one when they may exchange their targets, otherwise each part has its own.
+fn groups(discs: &[PartOutline], targets_m: &[Option<Vec2>], exchange: bool) -> Vec<usize> {
+    let may = |i: usize| exchange && targets_m.get(i).is_some_and(Option::is_some);
+    discs.iter().enumerate().map(|(i, disc)| if may(i) { disc.kind } else { usize::MAX - i }).collect()
 }
 
 impl Task for Arrange {
@@ -40,7 +43,11 @@ impl Task for Arrange {
         let ArrangeParams { scene, targets_m, exchange, arrive_m } = &self.params;
         let of = parts_in_table_m.len();
         let steering = self.steering.take().filter(|steering| steering.seen_m.len() == of);
-        let begin = || PathFollower::new(scene, targets_m, groups(&scene.discs, *exchange), parts_in_table_m);
+        let begin = || {
+            let wanted = targets_m.iter().map(|target_m| target_m.map(|target_m| Polyline::new(vec![target_m])));
+            let places_m = places_beside(scene, &wanted.collect::<Vec<_>>(), 0.0, parts_in_table_m);
+            PathFollower::new(scene, &places_m, groups(&scene.discs, targets_m, *exchange), parts_in_table_m)
+        };
         let steering = self.steering.insert(steering.unwrap_or_else(begin));
         steering.observe(parts_in_table_m);
         let there = steering.distances_m().filter(|distance_m| distance_m <= arrive_m).count();
@@ -59,7 +66,7 @@ mod tests {
 
     fn arrange(kinds: &[usize], targets_m: &[(f64, f64)], exchange: bool) -> Arrange {
         let discs = kinds.iter().map(|&kind| PartOutline { kind, radius_m: crate::task::PENNY_M }).collect();
-        let targets_m = targets_m.iter().map(|&(x, y)| Vec2::new(x, y)).collect();
+        let targets_m = targets_m.iter().map(|&(x, y)| Some(Vec2::new(x, y))).collect();
         Arrange::new(ArrangeParams {
             scene: PlateScene { half_side_m: 0.1524, discs, ..PlateScene::default() },
             targets_m,
@@ -78,6 +85,17 @@ mod tests {
         assert_eq!(xs(arrange(&[0, 0, 0], &PLACES, true)), [0.05, -0.05, 0.0]);
         assert_eq!(xs(arrange(&[0, 0, 0], &PLACES, false)), [-0.05, 0.0, 0.05]);
         assert_eq!(xs(arrange(&[0, 1, 0], &PLACES, true)), [0.05, 0.0, -0.05]);
+    }
+
+    #[test]
+    fn parts_without_a_target_stay_or_make_room() {
+        let mut task = arrange(&[0, 0, 0], &PLACES[..1], true);
+        task.params.targets_m.extend([None, None]);
+        let parts = [(0.05, 0.05), (-0.05, 0.0), (0.0, 0.05)].map(|(x, y)| Vec2::new(x, y));
+        let targets_m = task.next(PlateTime::ZERO, &parts).targets_m;
+        assert_eq!((targets_m[0], targets_m[2]), (Vec2::new(-0.05, 0.0), parts[2]));
+        let room_mm = 1e3 * (targets_m[1] - targets_m[0]).norm();
+        assert!((22.0..24.1).contains(&room_mm), "two radii, 3 mm and less than a step: {room_mm}");
     }
 
     #[test]

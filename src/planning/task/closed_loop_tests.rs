@@ -75,7 +75,7 @@ fn run(task: &mut dyn Task, discs: &[PartOutline], starts_m: &[Vec2], noise: f64
 }
 
 fn arranged(discs: &[PartOutline], starts_m: &[Vec2], targets_m: &[Vec2], exchange: bool) -> ClosedLoopResult {
-    let (discs, targets_m) = (discs.to_vec(), targets_m.to_vec());
+    let (discs, targets_m) = (discs.to_vec(), targets_m.iter().copied().map(Some).collect());
     let params = ArrangeParams {
         scene: PlateScene { half_side_m: HALF_SIDE_M, motions: Motions::Independent, discs: discs.clone() },
         targets_m,
@@ -138,7 +138,7 @@ fn blocked_part_is_named_and_the_others_arrive() {
     let discs: Vec<PartOutline> =
         radii_m.iter().zip(0..).map(|(&radius_m, kind)| PartOutline { kind, radius_m }).collect();
     let starts_m = [Vec2::zeros(), Vec2::new(-0.13, -0.13), Vec2::new(0.14, -0.12)];
-    let targets_m = vec![Vec2::zeros(), Vec2::new(0.13, 0.13), Vec2::new(0.12, -0.14)];
+    let targets_m = [Vec2::zeros(), Vec2::new(0.13, 0.13), Vec2::new(0.12, -0.14)].map(Some).to_vec();
     let params = ArrangeParams {
         scene: PlateScene { half_side_m: HALF_SIDE_M, motions: Motions::Independent, discs: discs.clone() },
         targets_m,
@@ -150,7 +150,7 @@ fn blocked_part_is_named_and_the_others_arrive() {
     assert_eq!((course.cycles, course.blocked), (usize::MAX, vec![1]));
     let wanted = task.next(PlateTime::from_secs(100.0), &starts_m);
     assert_eq!(wanted.blocked, [1]);
-    assert_eq!(wanted.phase, "to the places: 1 of 3 there, part 2 blocked");
+    assert_eq!(wanted.phase, "to the places: 1 of 3 there, 1 blocked");
     assert_eq!(wanted.subgoals_m, [Vec2::zeros(), starts_m[1], Vec2::new(0.12, -0.14)]);
 }
 

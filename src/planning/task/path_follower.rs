@@ -78,7 +78,7 @@ pub(super) struct PathFollower {
     /// Group of each part; parts of one group may exchange their places.
     groups: Vec<usize>,
     /// Index of each part's place.
-    place_of: Vec<usize>,
+    pub(super) place_of: Vec<usize>,
     /// Latest position of each part, m.
     pub(super) seen_m: Vec<Vec2>,
     /// Remaining stages, m: positions of all parts; from each to the next they move straight and in step.
@@ -201,15 +201,13 @@ impl PathFollower {
         }
     }
 
-    /// Present activity in words: destination, kind of path and number of arrived parts. Parts are numbered in the
-    /// order of the job, from 1.
+    /// Present activity in words: destination, kind of path and number of arrived parts.
     fn phase(&self, to: &str, there: usize) -> String {
         let of = self.seen_m.len();
-        let numbers: Vec<String> = self.blocked.iter().map(|part| (part + 1).to_string()).collect();
         let round = if matches!(self.motions, Motions::Independent) { self.stages_m.len() > 1 } else { self.round };
         match round {
             _ if of == 0 => "no parts".into(),
-            _ if !numbers.is_empty() => format!("{to}: {there} of {of} there, part {} blocked", numbers.join(", ")),
+            _ if !self.blocked.is_empty() => format!("{to}: {there} of {of} there, {} blocked", self.blocked.len()),
             false if !matches!(self.motions, Motions::Independent) => format!("{to}: {there} of {of} there"),
             false => format!("{to}, straight: {there} of {of} there"),
             true => format!("{to}, round each other: {there} of {of} there"),

@@ -1,5 +1,6 @@
 use super::path_follower::{PathFollower, PlateScene};
-use super::{LateLap, PathStretch, Setpoints, Task};
+use super::room::places_beside;
+use super::{LateLap, PartOutline, PathStretch, Setpoints, Task};
 use upm_core::geometry::{Polyline, Segment, Vec2};
 use upm_core::time::PlateTime;
 
@@ -20,12 +21,22 @@ const IN_TIME: f64 = 0.97;
 /// The path of one part.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PathParams {
-    /// Corners, m. A part without corners stays where it was first seen.
+    /// Corners, m. A part without corners stays where it was first seen, and makes room where it lies on a path.
     pub waypoints_m: Vec<Vec2>,
     /// Speed along the path, m/s of plate time.
     pub speed_mps: f64,
     /// Number of passes through the waypoints, from the last straight back to the first; 0 for an endless path.
     pub repeat: u32,
+    /// True where the part may exchange its path with another of its kind, so that ways to the first points are short.
+    pub exchange: bool,
+}
+
+impl PathParams {
+    /// The whole way of a part, once.
+    fn line(&self, is_closed: bool) -> Polyline {
+        let back = self.waypoints_m.get(..1).filter(|_| is_closed || self.repeat != 1);
+        Polyline::new([&self.waypoints_m, back.unwrap_or_default()].concat())
+    }
 }
 
 /// Mean speed of the part that has furthest to go to its first waypoint, m/s: 25 to 78 mm/s in the shipped jobs.
@@ -77,18 +88,22 @@ impl Trajectories {
     }
 
     fn begin(&mut self, parts_in_table_m: &[Vec2]) -> PathFollower {
-        let TrajectoriesParams { scene, paths, in_phase, .. } = &self.params;
-        let follower = |(i, part_m): (usize, &Vec2)| {
+        let TrajectoriesParams { scene, paths, in_phase, corridor_m, .. } = &self.params;
+        let finite_m = |part_m: &Vec2| if part_m.iter().all(|x| x.is_finite()) { *part_m } else { Vec2::zeros() };
+        let seen_m: Vec<Vec2> = parts_in_table_m.iter().map(finite_m).collect();
+        let line = |path: &PathParams| (!path.waypoints_m.is_empty()).then(|| path.line(*in_phase));
+        let firsts_m = places_beside(scene, &paths.iter().map(line).collect::<Vec<_>>(), *corridor_m, &seen_m);
+        let follower = |(i, first_m): (usize, &Vec2)| {
             let path = paths.get(i).filter(|path| !path.waypoints_m.is_empty()).cloned();
-            let finite_m = if part_m.iter().all(|x| x.is_finite()) { *part_m } else { Vec2::zeros() };
-            let stays = || PathParams { waypoints_m: vec![finite_m], repeat: 1, speed_mps: 0.0 };
+            let stays = || PathParams { waypoints_m: vec![*first_m], repeat: 1, ..PathParams::default() };
             CurveFollower::new(path.unwrap_or_else(stays), *in_phase)
         };
-        self.followers = parts_in_table_m.iter().enumerate().map(follower).collect();
+        self.followers = firsts_m.iter().enumerate().map(follower).collect();
         self.begun_at = None;
-        let firsts_m: Vec<Vec2> = self.followers.iter().map(|follower| follower.lap.at(0.0)).collect();
-        let each_its_own = (0..self.followers.len()).collect();
-        let approach = PathFollower::new(scene, &firsts_m, each_its_own, parts_in_table_m);
+        let may = |i: usize| paths.get(i).is_some_and(|path| path.exchange);
+        let group = |(i, disc): (usize, &PartOutline)| if may(i) { disc.kind } else { usize::MAX - i };
+        let groups = scene.discs.iter().enumerate().map(group).collect();
+        let approach = PathFollower::new(scene, &firsts_m, groups, parts_in_table_m);
         let approach_s = approach.distances_m().fold(0.0, f64::max) / APPROACH_MPS;
         let on_paths_s = self.followers.iter().filter(|follower| follower.end_m > 0.0);
         let on_paths_s = on_paths_s.map(|follower| follower.end_m / follower.speed_mps).fold(0.0, f64::max);
@@ -215,6 +230,7 @@ impl Task for Trajectories {
             approach.observe(parts_in_table_m);
             if of > 0 && approach.distances_m().all(|distance_m| distance_m <= self.params.arrive_m) {
                 (self.begun_at, self.lap_begun_at) = (Some(now), now);
+                self.followers = approach.place_of.iter().map(|&path| self.followers[path].clone()).collect();
             }
         }
         let wanted = if self.begun_at.is_none() {

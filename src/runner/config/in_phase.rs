@@ -183,7 +183,8 @@ mod tests {
     use super::*;
 
     fn path(corners: &[[f64; 2]], repeat: u32) -> PathParams {
-        PathParams { waypoints_m: corners.iter().copied().map(Vec2::from).collect(), speed_mps: 0.01, repeat }
+        let waypoints_m = corners.iter().copied().map(Vec2::from).collect();
+        PathParams { waypoints_m, speed_mps: 0.01, repeat, exchange: false }
     }
 
     #[test]

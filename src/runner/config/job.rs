@@ -3,8 +3,9 @@ use serde_json::Value;
 use super::clearance;
 use super::drawings;
 use super::faults::{self, FaultList, fault_entry};
-use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PlannerChoice, TaskSection};
-use super::kinds::{KindSpec, PartGroup, each_kind};
+use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PathEntry, PlannerChoice, TaskSection};
+use super::kinds::{KindSpec, PartGroup, each_kind, part_ids};
+use super::names::check_names;
 use super::planner_checks::check_planner;
 use super::read::{NAMES, Origin, is_name};
 use super::rig::RigSpec;
@@ -112,6 +113,7 @@ impl JobSpec {
         if !faults.are_sound(&["parts"]) || !clearance::check_total(&parts, faults) {
             return None;
         }
+        check_names(&parts, &rig, faults);
         check_distinguishable(&parts, &rig, faults);
         let tasks = tasks_of(&document, &parts, &rig, faults);
         clearance::check(&parts, &rig, faults);
@@ -169,8 +171,11 @@ impl JobSpec {
     pub(crate) fn path_of(&self, task: usize, part: usize) -> Option<Path> {
         let (at, section) = self.document.each_task().into_iter().nth(task)?;
         let TaskSection::Trajectories { paths, .. } = section else { return None };
-        let mut parts = paths.iter().enumerate().flat_map(|(i, path)| std::iter::repeat_n(i, path.count as usize));
-        Some(at.key("paths").index(parts.nth(part)?))
+        let ids = part_ids(&self.parts, &self.rig.kinds);
+        let mut parts = paths.iter().enumerate().flat_map(|(i, path)| std::iter::repeat_n(i, path.parts_on_it()));
+        let names = |path: &PathEntry| path.parts.as_ref().is_some_and(|names| names.contains(&ids[part]));
+        let path = paths.iter().position(names).or_else(|| parts.nth(part))?;
+        Some(at.key("paths").index(path))
     }
 
     /// True if the job itself has a library, by its file or written out; its rig may name another.
@@ -334,7 +339,8 @@ fn groups_of(document: &JobFile, rig: &RigSpec, faults: &mut Diagnostics) -> Vec
         let kind = rig.known_kind(&group.kind, &at, faults);
         let at_random = group.position_m.is_none();
         let kind = kind.filter(|&kind| clearance::check_size(kind, rig, at_random, &at, faults));
-        PartGroup { kind: kind.unwrap_or(usize::MAX), count: group.count as usize, position_m: group.position_m }
+        let PartsEntry { name, count, position_m, .. } = group.clone();
+        PartGroup { kind: kind.unwrap_or(usize::MAX), count: count as usize, name, position_m }
     };
     document.parts.iter().enumerate().map(group_of).collect()
 }

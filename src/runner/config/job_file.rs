@@ -105,6 +105,9 @@ pub(crate) struct PartsEntry {
     #[serde(default = "whole::<u32, 1>")]
     #[schemars(range(min = 1, max = 64))]
     pub(crate) count: u32,
+    /// Name of the part in tasks, findings and reports; only with count 1. Left out: kind and number, as `penny-2`.
+    #[schemars(length(min = 1, max = 64), extend("pattern" = NAME_PATTERN))]
+    pub(crate) name: Option<String>,
     /// Where it starts, mm; only with count 1. Left out: at random, by the seed.
     #[serde(rename = "position_mm", default, with = "optional_mm_point")]
     #[schemars(with = "Option<[f64; 2]>", skip_serializing_if = "Option::is_none")]
@@ -133,7 +136,8 @@ pub(crate) enum TaskSection {
     },
     /// Every part follows its own path.
     Trajectories {
-        /// One path for each part, in the order of `parts`; a path with a `count` is for that many.
+        /// One path for each part, in the order of the job's `parts`; a path with a `count` is for that many. Where the
+        /// paths name their `parts`, the others stay where they are, and make room where they lie on a path.
         #[schemars(length(min = 1, max = 64))]
         paths: Vec<PathEntry>,
         /// The parts hold their phase to each other: all are at the same share of their laps at any time. Asks for
@@ -147,6 +151,10 @@ pub(crate) enum TaskSection {
     },
     /// Every part goes to a place.
     Arrange {
+        /// The parts that go to the places, by name; the others stay where they are, and make room where they lie on
+        /// one. Left out: all.
+        #[schemars(length(min = 1, max = 64))]
+        parts: Option<Vec<String>>,
         /// One place for each part, in the order of `parts`, mm. Either this or `targets`.
         #[serde(rename = "targets_mm", default, with = "optional_mm_points")]
         #[schemars(with = "Option<Vec<[f64; 2]>>", skip_serializing_if = "Option::is_none")]
@@ -154,9 +162,8 @@ pub(crate) enum TaskSection {
         targets_m: Option<Vec<Vec2>>,
         /// A rule that makes the places.
         targets: Option<Box<TargetRule>>,
-        /// Assignment of parts to places.
-        #[serde(default)]
-        assignment: Assignment,
+        /// Assignment of parts to places. Left out: optimal, or fixed where `parts` are named.
+        assignment: Option<Assignment>,
     },
     /// Every part goes into its kind's bin.
     Sort {
@@ -189,10 +196,13 @@ pub(crate) struct PathEntry {
     /// Along the one line of an SVG drawing.
     pub(crate) svg: Option<SvgShape>,
     /// Parts that follow this path, evenly spaced round it. With more than one, the line back from its last point to
-    /// the first is a part of it.
+    /// the first is a part of it, and parts of one kind may exchange their paths and first points.
     #[serde(default = "whole::<u32, 1>")]
     #[schemars(range(min = 1, max = 64))]
     pub(crate) count: u32,
+    /// The parts that follow it, by name, in place of `count`: on every path or on none.
+    #[schemars(length(min = 1, max = 64))]
+    pub(crate) parts: Option<Vec<String>>,
     /// Speed along it, mm/s.
     #[serde(rename = "speed_mm_s", with = "mm")]
     #[schemars(with = "f64", range(max = 1000.0), extend("exclusiveMinimum" = 0.0))]
@@ -201,6 +211,13 @@ pub(crate) struct PathEntry {
     #[serde(default = "whole::<u32, 1>")]
     #[schemars(range(max = 1_000_000))]
     pub(crate) repeat: u32,
+}
+
+impl PathEntry {
+    /// Number of parts that follow it.
+    pub(super) fn parts_on_it(&self) -> usize {
+        self.parts.as_ref().map_or(self.count as usize, Vec::len)
+    }
 }
 
 /// Assignment of parts to places.

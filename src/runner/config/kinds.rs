@@ -26,12 +26,14 @@ pub struct KindSpec {
 }
 
 /// A group of parts of one kind.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PartGroup {
     /// Index into the rig's kinds.
     pub kind: usize,
     /// Number of parts; 1 if there is a position.
     pub count: usize,
+    /// Name of a single part.
+    pub name: Option<String>,
     /// Start position, m; `None` for a random one.
     pub position_m: Option<Vec2>,
 }
@@ -81,11 +83,15 @@ pub(super) fn each_kind(groups: &[PartGroup]) -> Vec<usize> {
     groups.iter().flat_map(|group| std::iter::repeat_n(group.kind, group.count)).collect()
 }
 
-/// Id of each part, kind and number within it (`penny-1`), in the order of the job. A kind that does not exist is a
-/// `part`.
+/// Id of each part, in the order of the job: its name, or kind and number within it (`penny-1`). A kind that does not
+/// exist is a `part`.
 pub(super) fn part_ids(groups: &[PartGroup], kinds: &[KindSpec]) -> Vec<String> {
     let each = each_kind(groups);
     let number = |i: usize, kind: &usize| each.iter().take(i + 1).filter(|other| *other == kind).count();
     let name = |kind: &usize| kinds.get(*kind).map_or("part", |spec| spec.kind.name.as_str());
-    each.iter().enumerate().map(|(i, kind)| format!("{}-{}", name(kind), number(i, kind))).collect()
+    let given = groups.iter().flat_map(|group| std::iter::repeat_n(&group.name, group.count));
+    let id = |((i, kind), given): ((usize, &usize), &Option<String>)| {
+        given.clone().unwrap_or_else(|| format!("{}-{}", name(kind), number(i, kind)))
+    };
+    each.iter().enumerate().zip(given).map(id).collect()
 }

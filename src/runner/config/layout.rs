@@ -14,7 +14,7 @@ use upm_planning::task::PathParams;
 pub struct JobLayout {
     /// The parts, in the order of the job.
     pub parts: Vec<LayoutPart>,
-    /// Target position of each part; empty for a task without target positions.
+    /// Target positions in the order of the parts that have one; empty for a task without.
     #[serde(rename = "targets_mm", with = "mm_points")]
     #[schemars(with = "Vec<[f64; 2]>")]
     pub targets_m: Vec<Vec2>,
@@ -45,13 +45,14 @@ impl JobLayout {
                 }
                 TaskSpec::Trajectories { paths, .. } => {
                     let path = |(part, wanted): (usize, &PathParams)| LayoutPath {
-                        part: Some(part),
+                        part: Some(part).filter(|_| !wanted.exchange),
                         waypoints_m: wanted.waypoints_m.clone(),
                         closed: wanted.repeat != 1,
                     };
-                    layout.paths.extend(paths.iter().enumerate().map(path));
+                    let moving = paths.iter().enumerate().filter(|(_, path)| !path.waypoints_m.is_empty());
+                    layout.paths.extend(moving.map(path));
                 }
-                TaskSpec::Arrange { targets_m, .. } => layout.targets_m.clone_from(targets_m),
+                TaskSpec::Arrange { targets_m, .. } => layout.targets_m = targets_m.iter().flatten().copied().collect(),
                 TaskSpec::Sort { .. } => layout.bins = job.bins().to_vec(),
                 TaskSpec::Hold { .. } => {}
             }

@@ -44,18 +44,24 @@ impl PartPath {
     /// whole lap. Empty if the file is at fault.
     pub fn each(entry: &PathEntry, at: &Path, faults: &mut Diagnostics) -> Vec<Self> {
         let Some(line) = line_of(entry, at, faults) else { return Vec::new() };
-        let waypoints_m = |k: u32| match entry.count {
+        let count = entry.parts_on_it();
+        let waypoints_m = |k: usize| match count {
             1 => line.points_m.clone(),
-            count => closed_from(&line.points_m, f64::from(k) / f64::from(count)),
+            count => closed_from(&line.points_m, k as f64 / count as f64),
         };
-        let part_path = |k: u32| Self {
+        let part_path = |k: usize| Self {
             at: at.clone(),
             shape_at: at.key(line.key),
             growth: line.growth.clone(),
-            has_file_corners: line.growth.is_none() && entry.count == 1,
-            params: PathParams { waypoints_m: waypoints_m(k), speed_mps: entry.speed_mps, repeat: entry.repeat },
+            has_file_corners: line.growth.is_none() && count == 1,
+            params: PathParams {
+                waypoints_m: waypoints_m(k),
+                speed_mps: entry.speed_mps,
+                repeat: entry.repeat,
+                exchange: count > 1 && entry.parts.is_none(),
+            },
         };
-        (0..entry.count).map(part_path).collect()
+        (0..count).map(part_path).collect()
     }
 }
 

@@ -4,8 +4,9 @@ use super::clearance::{REST_GAP_M, REST_MARGIN_M, check_apart, check_inside};
 use super::in_phase::{check_apart_on_each, check_in_phase};
 use super::job_file::PathEntry;
 use super::part_path::PartPath;
-use super::task::{TaskContext, TaskSpec};
+use super::task::TaskContext;
 use upm_core::document::Diagnostics;
+use upm_planning::task::PathParams;
 
 impl TaskContext<'_> {
     /// The paths in SI. Faults: a part that leaves the plate, or begins or ends inside another.
@@ -13,11 +14,10 @@ impl TaskContext<'_> {
         &self,
         entries: &[PathEntry],
         in_phase: bool,
-        corridor_m: f64,
         faults: &mut Diagnostics,
-    ) -> Option<TaskSpec> {
+    ) -> Option<Vec<PathParams>> {
         let at = self.at.key("paths");
-        let total = entries.iter().map(|path| path.count as usize).sum();
+        let total = entries.iter().map(PathEntry::parts_on_it).sum();
         self.demand_one_each(total, "path", &at, faults);
         if total > self.kinds.len().max(entries.len()) {
             return None;
@@ -41,8 +41,7 @@ impl TaskContext<'_> {
         if in_phase && faults.len() == before {
             check_in_phase(&paths, &self.radii_m, &self.ids, faults);
         }
-        let paths = paths.into_iter().map(|path| path.params).collect();
-        Some(TaskSpec::Trajectories { paths, in_phase, corridor_m })
+        Some(paths.into_iter().map(|path| path.params).collect())
     }
 
     /// Reports generated paths, and typed corners, that leave the plate; once for all parts on their path.
@@ -56,7 +55,7 @@ impl TaskContext<'_> {
         }
         let mut radii_m = self.radii_m.iter();
         for (i, entry) in entries.iter().enumerate() {
-            let largest_m = radii_m.by_ref().take(entry.count as usize).copied().fold(0.0, f64::max);
+            let largest_m = radii_m.by_ref().take(entry.parts_on_it()).copied().fold(0.0, f64::max);
             let at = self.at.key("paths").index(i).key("waypoints_mm");
             for (k, &waypoint_m) in entry.waypoints_m.iter().flatten().enumerate() {
                 check_inside(waypoint_m, largest_m, self.half_m, REST_MARGIN_M, &at.index(k), faults);

@@ -23,7 +23,7 @@ pub enum TaskSpec {
     },
     /// Every part follows its own path.
     Trajectories {
-        /// One path for each part.
+        /// One path for each part, without corners for a part that stays where it is.
         paths: Vec<PathParams>,
         /// All parts are at the same share of their laps at any time.
         in_phase: bool,
@@ -32,8 +32,8 @@ pub enum TaskSpec {
     },
     /// Every part goes to a target place.
     Arrange {
-        /// One place for each part, m.
-        targets_m: Vec<Vec2>,
+        /// Place of each part, m; `None` for a part that stays where it is.
+        targets_m: Vec<Option<Vec2>>,
         /// Assignment of parts to places.
         assignment: Assignment,
     },
@@ -101,11 +101,19 @@ pub(super) fn build(
             Some(TaskSpec::PlusSign { laps, edge_margin_m, corridor_m })
         }
         TaskSection::Trajectories { paths, in_phase, corridor_m } => {
-            scene.trajectories(paths, *in_phase, *corridor_m, faults)
+            let parts = scene.named_on(paths, faults)?;
+            let of_named = scene.with_parts(&parts).trajectories(paths, *in_phase, faults)?;
+            let stays = || PathParams { repeat: 1, ..PathParams::default() };
+            let paths = scene.of_each(&parts, of_named).into_iter().map(|path| path.unwrap_or_else(stays));
+            let paths = paths.collect();
+            Some(TaskSpec::Trajectories { paths, in_phase: *in_phase, corridor_m: *corridor_m })
         }
-        TaskSection::Arrange { targets_m, targets, assignment } => {
-            let targets_m = scene.targets(targets_m.as_deref(), targets.as_deref(), faults)?;
-            Some(TaskSpec::Arrange { targets_m, assignment: *assignment })
+        TaskSection::Arrange { parts: names, targets_m, targets, assignment } => {
+            let parts = scene.named(names.as_deref(), faults)?;
+            let of_named = scene.with_parts(&parts).targets(targets_m.as_deref(), targets.as_deref(), faults)?;
+            let usual = if names.is_some() { Assignment::Fixed } else { Assignment::Optimal };
+            let targets_m = scene.of_each(&parts, of_named);
+            Some(TaskSpec::Arrange { targets_m, assignment: assignment.unwrap_or(usual) })
         }
         TaskSection::Sort { bins } => scene.sort(bins, faults),
         TaskSection::Hold { duration_s } => Some(TaskSpec::Hold { duration_s: *duration_s }),

@@ -40,7 +40,7 @@ fn by_rotations() -> Motions {
 fn arranged(discs: &[PartOutline], starts_m: &[Vec2], targets_m: &[Vec2], exchange: bool) -> ClosedLoopResult {
     let params = ArrangeParams {
         scene: PlateScene { half_side_m: HALF_SIDE_M, motions: by_rotations(), discs: discs.to_vec() },
-        targets_m: targets_m.to_vec(),
+        targets_m: targets_m.iter().copied().map(Some).collect(),
         exchange,
         arrive_m: ARRIVE_M,
     };

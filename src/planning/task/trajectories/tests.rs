@@ -30,7 +30,7 @@ fn square(side_m: f64) -> Vec<Vec2> {
 }
 
 fn square_path(side_m: f64, speed_mps: f64, repeat: u32) -> PathParams {
-    PathParams { waypoints_m: square(side_m), speed_mps, repeat }
+    PathParams { waypoints_m: square(side_m), speed_mps, repeat, exchange: false }
 }
 
 /// A figure eight that starts at fraction `turn` of its corners.
@@ -41,7 +41,8 @@ fn eight(turn: f64) -> Vec<Vec2> {
 
 fn three_on_one_eight(laps: u32) -> TrajectoriesParams {
     let speed_mps = Polyline::new([eight(0.0), eight(0.0)[..1].to_vec()].concat()).length_m() / 30.0;
-    let path = |i| PathParams { waypoints_m: eight(0.05 + f64::from(i) / 3.0), speed_mps, repeat: laps };
+    let path =
+        |i| PathParams { waypoints_m: eight(0.05 + f64::from(i) / 3.0), speed_mps, repeat: laps, exchange: false };
     TrajectoriesParams { corridor_m: 0.002, ..params((0..3).map(path).collect(), true) }
 }
 
@@ -111,7 +112,8 @@ fn speed_is_held_in_plate_time() {
 #[test]
 fn path_there_and_back_is_followed_round_both_ends() {
     for (speed_mps, repeat) in [(0.004, 1), (0.01, 2), (0.02, 3), (0.008, 3)] {
-        let path = PathParams { waypoints_m: vec![Vec2::zeros(), Vec2::new(0.06, 0.03)], speed_mps, repeat };
+        let path =
+            PathParams { waypoints_m: vec![Vec2::zeros(), Vec2::new(0.06, 0.03)], speed_mps, repeat, exchange: false };
         let asked_s = f64::from(2 * repeat - 1) * Vec2::new(0.06, 0.03).norm() / speed_mps;
         let course = run(params(vec![path], false), &[Vec2::new(0.001, -0.02)], |_, _| 1.0);
         assert!((course.took_s / asked_s - 1.0).abs() < 0.1 && course.off_m < 0.001, "{asked_s}: {course:?}");
@@ -165,10 +167,25 @@ fn the_other_branch_of_a_crossing_is_not_taken() {
     }
 }
 
+#[test]
+fn parts_that_may_exchange_take_the_nearer_path() {
+    let line = |x: f64| PathParams {
+        waypoints_m: vec![Vec2::new(x, 0.0), Vec2::new(x, 0.05)],
+        exchange: true,
+        ..square_path(0.0, 0.01, 1)
+    };
+    let mut task = Trajectories::new(params(vec![line(-0.05), line(0.05)], false));
+    let firsts_m = [0.05, -0.05].map(|x| Vec2::new(x, 0.0));
+    let wanted = task.next(PlateTime::ZERO, &firsts_m.map(|first_m| first_m - Vec2::new(0.0, 0.02)));
+    assert_eq!(wanted.targets_m, firsts_m);
+    let wanted = task.next(PlateTime::from_secs(1.0), &firsts_m);
+    assert_eq!(wanted.targets_m, firsts_m.map(|first_m| first_m + Vec2::new(0.0, 0.05)));
+}
+
 fn any_path() -> impl Strategy<Value = PathParams> {
     let corner = (-0.08..0.08f64, -0.08..0.08f64).prop_map(|(x, y)| Vec2::new(x, y));
     (proptest::collection::vec(corner, 1..5), 0.004..0.03f64, 1u32..3)
-        .prop_map(|(waypoints_m, speed_mps, repeat)| PathParams { waypoints_m, speed_mps, repeat })
+        .prop_map(|(waypoints_m, speed_mps, repeat)| PathParams { waypoints_m, speed_mps, repeat, exchange: false })
 }
 
 proptest! {

@@ -21,7 +21,7 @@ fn document(parts: &Value, task: &Value) -> Value {
 fn arranged(parts: &Value, targets: &Value) -> Result<Vec<Vec2>, Vec<String>> {
     let spec = job(&document(parts, &json!({"type": "arrange", "targets": targets}))).map_err(lines)?;
     match spec.task {
-        TaskSpec::Arrange { targets_m, .. } => Ok(targets_m),
+        TaskSpec::Arrange { targets_m, .. } => Ok(targets_m.into_iter().flatten().collect()),
         task => panic!("{task:?}"),
     }
 }
