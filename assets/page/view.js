@@ -82,13 +82,11 @@ export class View {
   frame(side) {
     const half = side / 2;
     if (half === this.half) return;
-    this.half = half;
-    const edge = half + MARGIN_MM;
+    const edge = (this.half = half) + MARGIN_MM;
     this.root.setAttribute('viewBox', `${-edge} ${-edge} ${2 * edge} ${2 * edge}`);
     const lines = [];
     for (let mm = -Math.floor(half / 50) * 50; mm <= half; mm += 50) {
-      const kind = mm === 0 ? 'axis' : 'line';
-      lines.push(svg('path', { class: kind, d: `M${mm} ${-half}V${half}M${-half} ${mm}H${half}` }));
+      lines.push(svg('path', { class: mm ? 'line' : 'axis', d: `M${mm} ${-half}V${half}M${-half} ${mm}H${half}` }));
     }
     const outline = { x: -half, y: -half, width: 2 * half, height: 2 * half, rx: 3 };
     const at = { x: half - 4, y: half - 5, 'text-anchor': 'end', 'font-size': half * 0.07 };
@@ -104,7 +102,6 @@ export class View {
     this.past = this.past.filter((seen) => at - seen.at <= TRAIL_S);
   }
 
-  /** Each part's trail in its own colour. */
   drawTrails() {
     const way = (part) =>
       this.past.map(({ positions }, i) => {
@@ -129,11 +126,10 @@ export class View {
       const radius = radii[i] ?? RADIUS_MM;
       const { id = '', kind = '' } = this.layout.parts[i] ?? {};
       // `penny-3` is no name of its own
-      const name = Number(id.slice(kind.length + 1)) ? String(i + 1) : id || String(i + 1);
-      const size = radius * Math.min(1, 3 / name.length);
-      const label = svg('text', { 'text-anchor': 'middle', dy: '0.35em', 'font-size': size }, name);
+      const name = !id || Number(id.slice(kind.length + 1)) ? String(i + 1) : id;
+      const font = { 'text-anchor': 'middle', dy: '0.35em', 'font-size': radius * Math.min(1, 3 / name.length) };
       const at = { class: `part ${this.colourOf(i)}`, transform: `translate(${point(position)})` };
-      return svg('g', at, svg('circle', { r: radius }), label);
+      return svg('g', at, svg('circle', { r: radius }), svg('text', font, name));
     };
     this.parts.replaceChildren(...positions.map(part));
   }

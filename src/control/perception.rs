@@ -171,10 +171,11 @@ impl Perception {
         let frames = self.frame.exposed_at.secs_since(self.observed_at) * self.model.frame_hz;
         // a time stamp in the future must not stop the count
         self.observed_at = self.observed_at.max(self.frame.exposed_at.min(io.rig.now()));
-        match (self.frames_missing(), swing_px) {
-            (0, _) => self.missing.clear(),
-            (_, Some(_)) => self.missing.count(frames),
-            (_, None) => {}
+        let is_in_view = !is_blind && motion.corner_px().is_some() && !self.displaced.is_noted;
+        match self.frames_missing() {
+            0 => self.missing.clear(),
+            _ if is_in_view => self.missing.count(frames),
+            _ => {}
         }
         if is_plain {
             self.check_jumps(io.sink)?;

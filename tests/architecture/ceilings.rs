@@ -8,14 +8,14 @@ use super::rules::Source;
 /// capability is worth it, and lowered when its crate shrinks.
 const CEILINGS: [(&str, usize); 14] = [
     ("chart", 786),
-    ("control", 4161), // 54 of issue 48's budget: which parts wait for which, spans
+    ("control", 4170), // 54 of issue 48's budget: which parts wait for which, spans
     ("core", 2605),    // 45 of issue 48's budget
     ("fixtures", 336),
     ("lab", 6188),
     ("perception", 4820),
     ("planning", 7690), // 30 of issue 48's budget: room for named parts
     ("recording", 1308),
-    ("runner", 5328), // 425 of issue 48's budget: rigs by reference, warnings, paths, parts by name, verdict of dry runs
+    ("runner", 5336), // 433 of issue 48's budget: rigs by reference, warnings, paths, parts by name, verdict of dry runs
     ("scene", 869),
     ("server", 4601), // 11 of issue 48's budget
     ("sim", 3470),

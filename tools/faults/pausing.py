@@ -12,7 +12,7 @@ PAUSE = "pause"
 # ends of a run that is not completed, and in which no guard found anything: another job came, the planner has no way, or
 # the run was stopped from outside
 GOES_ON = (
-    "gave_way", "no_feasible_step", "uncontrollable", "stopped", "interrupted", "cancelled", "estop", "shutdown", "journal_lost",
+    "gave_way", "no_feasible_step", "parts_hinder", "uncontrollable", "stopped", "interrupted", "cancelled", "estop", "shutdown", "journal_lost",
 )  # fmt: skip
 # plate times of one simulated run on its own and in a daemon agree to this, s: the same pace, the same bytes
 SAME_S = 1e-6

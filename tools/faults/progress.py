@@ -60,9 +60,9 @@ class Watch:
         self.detour = 0 if nearer or self.follows_paths else self.detour + played
         turns = self.segments * max(1.0, len(true) / SERVED) ** 2
         bar = turns * (NEAR if farthest(true, targets) < NEAR_TOLERANCES * self.tolerance_mm else FUTILE)
-        if self.futile > bar + SLACK:
+        if self.futile > bar + SLACK * self.segments:
             return f"{self.futile} cycles with pulses and no true progress, bar {bar:.0f}"
-        return f"{self.detour} cycles with pulses on a detour, bar {turns * DETOUR:.0f}" if self.detour > turns * DETOUR + SLACK else None
+        return f"{self.detour} cycles with pulses on a detour, bar {turns * DETOUR:.0f}" if self.detour > turns * DETOUR + SLACK * self.segments else None
 
     def improves(self, measure, now, share):
         better = now < (1.0 - share) * self.least[measure]

@@ -31,9 +31,9 @@ const ALIKE: f64 = 30.0;
 /// Log-likelihood ratio of one pulse that casts doubt: one in a hundred.
 const DOUBTFUL: f64 = 4.6;
 
-/// Measures the delay of the pictures from the swing of the plate in each frame: a sequential test of the planned swing,
-/// shown in time, against the same swing shown later or not at all, each about any place. About another place than the
-/// table's the swing shows that the camera or the plate was knocked.
+/// Measures the delay of the pictures from the swing of the plate in each frame: a sequential test of the planned
+/// swing, shown in time, against the same swing shown later or not at all, each about any place. About another place
+/// than the table's the swing shows that the camera or the plate was knocked.
 #[derive(Clone, Debug, Default)]
 pub struct DelayGuard {
     frame_s: f64,
@@ -274,8 +274,8 @@ impl PlateSwing {
         self.px_per_m * Vector3::new(place.x, place.y, place.z * arm_m)
     }
 
-    /// Shift of the plate, m, and its turn. The plate's velocity is the wave times the envelope's height, whose integral
-    /// by parts has the envelope's slope and curvature, too: on the flanks they are as large as its height.
+    /// Shift of the plate, m, and its turn. The plate's velocity is the wave times the envelope's height, whose
+    /// integral by parts has the envelope's slope and curvature, too: on the flanks they are as large as its height.
     fn at(&self, t_s: f64) -> Vector3<f64> {
         let (height, slope) = (self.envelope.at(t_s), self.envelope.slope(t_s));
         let curvature = self.envelope.curvature(t_s);
@@ -309,7 +309,7 @@ impl Swings {
         self.product_px2 += seen.dot(&expected);
     }
 
-    /// Place about which the plate swings as expected, but for the height, and the squares that are left.
+    /// Place about which the plate swings as expected, at whatever height, and the squares that are left.
     fn offset(&self) -> (Vector3<f64>, f64) {
         let centred = |sum_px2: f64, a: &Vector3<f64>, b: &Vector3<f64>| sum_px2 - a.dot(b) / self.count;
         let expected_px2 = centred(self.expected_px2, &self.expected, &self.expected);

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow::{Break, Continue};
 
 use super::naming::match_parts;
-use super::settling::{PlateInImage, SWING_S};
+use super::settling::{Displacement, PlateInImage, SWING_S};
 use super::{FramePurpose, Perception, TABLE_OBSERVATIONS};
 use crate::run_end::{OrEnd, RunEnd, check_stop};
 use crate::{ConfirmedFacts, LocalisedFacts, RunIo, Sink};
@@ -72,6 +72,7 @@ impl Perception {
     }
 
     fn note_knock(&mut self, corner_px: f64, sink: &mut dyn Sink) -> String {
+        self.displaced.is_noted = true;
         let by = if corner_px.is_finite() { format!("by {corner_px:.1} px") } else { "by more than 6 px".to_owned() };
         let reason = format!("the plate has moved in the picture {by}; it is located anew");
         self.findings.note(self.frame.exposed_at, Finding::CameraMoved, reason, sink);
@@ -84,7 +85,7 @@ impl Perception {
             PlateInImage::Elsewhere { corner_px } => corner_px,
             PlateInImage::SwungOut => return self.locate_swung_out(io),
             PlateInImage::Same | PlateInImage::Swinging | PlateInImage::Unknown => {
-                self.displaced.observations = 0;
+                self.displaced = Displacement::default();
                 return Continue(());
             }
         };
@@ -150,7 +151,7 @@ impl Perception {
         self.tracker =
             Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.model.dark_parts, detections);
         self.table = table;
-        self.displaced.observations = 0;
+        self.displaced = Displacement::default();
         self.relocated |= swings;
         self.delay.forget_seen();
         Continue(())

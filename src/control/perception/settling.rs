@@ -75,6 +75,8 @@ pub(super) struct Displacement {
     pub(super) observations: u32,
     /// Displacement of a corner in the first of them, px.
     corner_px: f64,
+    /// True once the knock is reported: parts are missing because the picture is another one.
+    pub(super) is_noted: bool,
 }
 
 impl Displacement {
@@ -84,7 +86,7 @@ impl Displacement {
         if (corner_px - self.corner_px).abs() < SAME_PLACE_PX || corner_px == self.corner_px {
             self.observations += 1;
         } else {
-            *self = Self { observations: 1, corner_px };
+            *self = Self { observations: 1, corner_px, ..*self };
         }
     }
 }
