@@ -35,7 +35,7 @@ def check_file(checks, page, daemon):
     page.set_input_files("#job-file", ROOT / "configs/arrange-4.json")
     checks.soon("a job file is checked when it is chosen", lambda: "No fault: arrange-4" in says.inner_text(), 5)
     checks.that("its rig is left out, and that is told", "rig" not in text_of(page) and "rigs/" in says.inner_text(), says.inner_text())
-    for what, content, told in [("faults of a file are listed", BAD_JOB, "2 faults"), ("a file that is no JSON is told", "ÿþ{", "1 fault"),
+    for what, content, told in [("faults of a file are listed", BAD_JOB, "3 faults"), ("a file that is no JSON is told", "ÿþ{", "1 fault"),
                                 ("one that is too large is not taken", " " * (1 << 20) + "{}", "more than 1 MiB")]:
         (daemon.folder / "job.json").write_bytes(content.encode("latin-1"))
         page.set_input_files("#job-file", daemon.folder / "job.json")

@@ -125,13 +125,13 @@ def check_faults(checks, page, daemon):
     page.click("#order-send")
     page.locator(".note").first.wait_for()
     lines = dict(page.evaluate("[...document.querySelectorAll('.note')].map((n) => [n.querySelector('code').textContent, n.dataset.line])"))
-    checks.that("each fault is listed with the line it is about", lines == {"seed": "3", "colour": "8"}, lines)
-    checks.that("whose number is marked", page.evaluate(MARKED_JS) == ["3", "8"])
+    checks.that("each fault is listed with the line it is about", lines == {"seed": "3", "kind of part 2": "6", "colour": "8"}, lines)
+    checks.that("whose number is marked", page.evaluate(MARKED_JS) == ["3", "6", "8"])
     checks.that("nothing was queued", len(daemon.jobs()) == before)
     noted = lambda: page.locator(".note").evaluate_all("notes => notes.map((note) => note.dataset.line)")
     bad = lambda old, new: BAD_JOB.replace('"seven"', "7").replace(old, new)
     for what, text, lines in [
-        ("in a long text, too, which is scrolled there", bad('    {"kind": "penny"},\n', 50 * '    {"kind": "penny"},\n'), ["57"]),
+        ("in a long text, too, which is scrolled there", bad('    {"kind": "penny"},\n', 50 * '    {"kind": "penny"},\n'), ["55", "57"]),
         ("text that is no JSON is marked where it breaks", '{\n  "name": "bad",\n  "seed": ,\n}', ["3"]),
         ("unknown keys of any letters are faults with their line", bad("colour", 'größe": 3, "//'), ["8"]),
         ("so does one within a list", bad('  "colour": 3,\n', ""), ["6"]),
