@@ -28,7 +28,7 @@ fn jobs() -> Vec<PathBuf> {
     let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let is_job = |file: &PathBuf| {
         file.extension().is_some_and(|extension| extension == "json")
-            && serde_json::from_str::<Value>(&std::fs::read_to_string(file).unwrap()).unwrap()["task"].is_object()
+            && serde_json::from_str::<Value>(&std::fs::read_to_string(file).unwrap()).unwrap()["parts"].is_array()
     };
     files.filter(is_job).collect()
 }
