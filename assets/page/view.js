@@ -125,7 +125,7 @@ export class View {
     const part = (position, i) => {
       const radius = radii[i] ?? RADIUS_MM;
       const { id = '', kind = '' } = this.layout.parts[i] ?? {};
-      // `penny-3` is no name of its own
+      // `penny-3` is the default, not a given name
       const name = !id || Number(id.slice(kind.length + 1)) ? String(i + 1) : id;
       const font = { 'text-anchor': 'middle', dy: '0.35em', 'font-size': radius * Math.min(1, 3 / name.length) };
       const at = { class: `part ${this.colourOf(i)}`, transform: `translate(${point(position)})` };

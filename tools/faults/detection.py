@@ -283,9 +283,7 @@ def notice(run, fault):
     cycles = [c for c in run.cycles if c.get("sent") and fault.from_s <= c["observed_at_s"] and c["ended_at_s"] <= by_s + 1e-6]
     begin_s = fault.from_s
     if bar.at_rest:
-        # a motion without pauses is silenced first, and swings out
-        swing_s = BUMP_SWING_S if run.is_moving else 0.0
-        begin_s = max([begin_s] + [pulse.end_s + swing_s for pulse in run.pulses if pulse.start_s <= begin_s < pulse.end_s])
+        begin_s = max([begin_s] + [pulse.end_s for pulse in run.pulses if pulse.start_s <= begin_s < pulse.end_s])
     late_s = max(0.0, min(by_s, fault.to_s) - begin_s)
     many = pulse_segments(run)
     missed = late_s > bar.most_s + run.frame_s or len(after) > many * bar.pulses or len(cycles) > many * bar.cycles

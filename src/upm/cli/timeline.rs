@@ -109,7 +109,7 @@ impl<S: Subscriber + for<'a> LookupSpan<'a>> Layer<S> for Timeline {
         let us = |time: Duration| time.as_nanos() as f64 / 1e3;
         let event = |phase: &str, at| json!({"name": name, "cat": "upm", "ph": phase, "pid": 1, "tid": tid, "id": id.into_u64(), "ts": us(at)});
         if name == "request" {
-            // several at a time on one thread: each on a track of its own
+            // requests overlap on one thread, so each has its own track
             let mut begin = event("b", began);
             begin["args"] = args.into();
             self.write(",", &begin);

@@ -79,8 +79,8 @@ impl CellGrid {
         }
     }
 
-    /// The gray level of every sample where `moved` puts its first pixel; NaN where there is none. `levels` has
-    /// [`CellGrid::len`] elements.
+    /// Reads the gray level of every sample into `levels`, which has [`CellGrid::len`] elements; NaN where there is
+    /// none. `moved` gives the place in the frame of a sample's first pixel.
     pub(super) fn read(&self, pixels: &[u8], levels: &mut [f32], moved: impl Fn(usize) -> Option<usize>) {
         for (level, &first) in levels.iter_mut().zip(&self.pixels) {
             let first = if first == NONE { None } else { moved(first as usize) };
