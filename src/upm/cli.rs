@@ -70,14 +70,13 @@ pub fn main() -> ExitCode {
     if log.is_some() {
         daemon::hold_back_sigusr1();
     }
-    let timeline = match cli.command.trace().map(timeline::Timeline::create).transpose() {
-        Ok(timeline) => timeline,
+    let timeline = match cli.command.trace().map(timeline::create).transpose() {
+        Ok(timeline) => timeline.unzip(),
         Err(failure) => return ExitCode::from(failure.report()),
     };
-    let flush_guard = logs::start(cli.common, log, timeline.clone());
+    let flush_guard = logs::start(cli.common, log, timeline.0);
     let done = dispatch(cli);
-    drop(flush_guard);
-    timeline.inspect(timeline::Timeline::finish);
+    drop((flush_guard, timeline.1));
     match done {
         Ok(status) => ExitCode::from(status),
         Err(failure) => ExitCode::from(failure.report()),

@@ -4,10 +4,10 @@ use std::{env, io};
 
 use tracing::Subscriber;
 use tracing::level_filters::LevelFilter;
-use tracing_subscriber::Layer;
-use tracing_subscriber::filter::{Targets, filter_fn};
+use tracing_subscriber::filter::Targets;
 use tracing_subscriber::fmt::MakeWriter;
 use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::{Layer, Registry};
 
 use super::args::{Common, LogFormat};
 use super::timeline::Timeline;
@@ -22,7 +22,11 @@ const FLUSH_TIMEOUT: Duration = Duration::from_secs(1);
 /// Starts the log on stderr. `daemon` is the format of a daemon's log, which has times and one level more than those of
 /// other commands, since these run while a person watches. The log of a daemon never waits for its reader; dropping the
 /// returned value at the end of the process flushes its queue. Spans go to `timeline`.
-pub(super) fn start(common: Common, daemon: Option<LogFormat>, timeline: Option<Timeline>) -> Option<FlushGuard> {
+pub(super) fn start(
+    common: Common,
+    daemon: Option<LogFormat>,
+    timeline: Option<Timeline<Registry>>,
+) -> Option<FlushGuard> {
     let level = level(common, daemon.is_some());
     let is_colored = io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|no| no.is_empty());
     let (subscriber, flush_guard) = match daemon {
@@ -102,7 +106,7 @@ fn subscriber(
     daemon: Option<LogFormat>,
     level: LevelFilter,
     is_colored: bool,
-    timeline: Option<Timeline>,
+    timeline: Option<Timeline<Registry>>,
     writer: impl for<'a> MakeWriter<'a> + Send + Sync + 'static,
 ) -> Box<dyn Subscriber + Send + Sync> {
     let log = tracing_subscriber::fmt::layer().with_writer(writer).with_ansi(is_colored);
@@ -117,8 +121,7 @@ fn subscriber(
         }
         Some(LogFormat::Text) => log.with_filter(wanted).boxed(),
     };
-    let timeline = timeline.map(|timeline| timeline.with_filter(filter_fn(Timeline::takes)));
-    Box::new(tracing_subscriber::registry().with(log).with(timeline))
+    Box::new(tracing_subscriber::registry().with(timeline).with(log))
 }
 
 /// Filter: this program's messages up to `level`; of libraries warnings only, and all messages at the highest level.
