@@ -87,7 +87,6 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
                 unconfirmed: 0,
                 is_cautious: false,
                 suspects_knock: false,
-                frames_off: 0,
             };
             cycle.until_end()
         }
@@ -127,8 +126,6 @@ struct ControlCycle<'a, 'io> {
     is_cautious: bool,
     /// True once moving parts were off their forecast as after a knock, and the plate at rest showed none.
     suspects_knock: bool,
-    /// Number of the last frames in which half of the moving parts were far from their forecast.
-    frames_off: u32,
 }
 
 impl ControlCycle<'_, '_> {

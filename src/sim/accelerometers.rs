@@ -56,7 +56,7 @@ impl Accelerometers {
 
     /// Begins a pulse that takes over `from_s` after the first one of its sequence began.
     pub fn take_over(&mut self, from_s: f64, envelope: &Envelope) {
-        self.before = Some((self.trace.clone(), (envelope.attack_s * self.params.sample_hz) as usize));
+        self.before = Some((self.trace.clone(), (envelope.attack_s * self.params.sample_hz).ceil() as usize));
         self.from_s = from_s;
         self.begin(envelope.driven_s());
     }

@@ -58,8 +58,7 @@ impl ControlCycle<'_, '_> {
         }
         self.unconfirmed += 1;
         if self.unconfirmed > MOST_UNCONFIRMED {
-            let reason =
-                format!("the goal was reached {MOST_UNCONFIRMED} times, but the confirming observations disagreed");
+            let reason = format!("the goal was reached {MOST_UNCONFIRMED} times, but later observations disagreed");
             return Break(RunEnd::failed_because(Finding::CameraMoved, reason));
         }
         self.observe_at_rest()

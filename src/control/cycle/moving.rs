@@ -14,7 +14,7 @@ use crate::{CycleFacts, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
 use upm_core::rig::RigError;
-use upm_core::signal::{Drive, TwistWave};
+use upm_core::signal::{AccelTrace, Drive};
 use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::{ExpectedMotion, FitError, MotionJudgement, PlateFit, TakeOver, judge};
@@ -30,13 +30,6 @@ const SHOWN_EVERY: u64 = 3;
 /// Frames without a part after which the plate comes to rest: it may have been carried under something, or over the
 /// edge.
 const UNSEEN_FRAMES: u32 = 6;
-
-/// Distance of half of the parts from their forecast in one frame that a knocked camera explains and their motion does
-/// not, m: healthy runs have a twentieth of it, pictures late by a frame or two less than it. Smaller knocks are found
-/// at rest.
-const KNOCKED_M: f64 = 2e-3;
-/// Number of such frames in a row: within them the plate's place tells most knocks.
-const KNOCKED_FRAMES: u32 = 6;
 
 /// A segment with its drive and what it was planned for.
 struct PlannedSegment {
@@ -72,12 +65,16 @@ impl ControlCycle<'_, '_> {
         flow(self.io.rig.play(&present.drive))?;
         loop {
             let _span = tracing::trace_span!("cycle", index = self.index).entered();
-            self.begin_segment();
+            self.moving().into_iter().for_each(MovingPlanner::begin);
             let started = self.io.clock.elapsed();
             let (observed_at, before_m) = (self.perception.seen_at(), self.places_m());
             let sets_down = present.segment.sets_down;
             let next = if sets_down { None } else { self.plan_next(started_at, segments)? };
             let (next, ends_at) = self.take_over(next, started_at)?;
+            if let Some(next) = &next {
+                let swing = self.swing_after(next, Some(&present));
+                self.perception.delay.expect_next(ends_at.secs(), swing);
+            }
             let forecast_m = match &next {
                 _ if sets_down => present.segment.ends_m.clone(),
                 Some(_) => self.next_places_m(),
@@ -88,7 +85,8 @@ impl ControlCycle<'_, '_> {
             let after_m = if is_over { self.perception.positions_m() } else { self.places_m() };
             let steps =
                 PulsePositions { before_m, after_m, by_library_m: forecast_m.clone(), by_learning_m: forecast_m };
-            let (facts, judged) = self.read_segment(&present, started_at, (fading.take(), &coils), &steps);
+            let trace = self.trace_until(ends_at, next.as_ref());
+            let (facts, judged) = self.read_segment(&present, (started_at, trace), (fading.take(), &coils), &steps);
             if !is_stopped(&followed) {
                 self.io.sink.pulse(&facts);
             }
@@ -101,8 +99,7 @@ impl ControlCycle<'_, '_> {
             }
             match next {
                 Some(next) if !is_over => {
-                    let swing = self.swing_after(&next, Some(&facts.planned));
-                    self.perception.delay.begin(ends_at.secs(), swing);
+                    self.perception.delay.begin_next();
                     (present, started_at, fading) = (next, ends_at, Some(facts.drive));
                 }
                 _ => break,
@@ -130,16 +127,25 @@ impl ControlCycle<'_, '_> {
         Continue((Some(next), begins_at))
     }
 
+    /// The trace of the segment from which `next` took over at `ends_at`. It has no samples where so many frames were
+    /// lost that `next` has risen meanwhile: the rig then shows that one's.
+    fn trace_until(&self, ends_at: PlateTime, next: Option<&PlannedSegment>) -> AccelTrace {
+        let (trace, since_s) = (self.io.rig.trace(), self.io.rig.now().secs_since(ends_at));
+        let sample_s = trace.sample_hz.recip();
+        let has_risen = next.is_some_and(|next| since_s + sample_s >= next.drive.envelope.attack_s);
+        if has_risen { AccelTrace { counts: Default::default(), ..trace } } else { trace }
+    }
+
     /// The facts of a segment that began at `started_at` and in which the parts went as in `steps`, and the judgement
-    /// of the accelerometers; the drive `fading` was playing before.
+    /// of its trace; the drive `fading` was playing before.
     fn read_segment(
         &self,
         present: &PlannedSegment,
-        started_at: PlateTime,
+        (started_at, trace): (PlateTime, AccelTrace),
         (fading, coils): (Option<Drive>, &CoilResponse),
         steps: &PulsePositions,
     ) -> (PulseFacts, Option<MotionJudgement>) {
-        let (trace, drive, sensors) = (self.io.rig.trace(), present.drive.clone(), self.sensors());
+        let (drive, sensors) = (present.drive.clone(), self.sensors());
         let take_over = TakeOver::new(&trace, fading, &drive);
         let expected = |take_over| ExpectedMotion { take_over: Some(take_over), ..self.expected(&drive, coils) };
         let fit = take_over.as_ref().map_err(FitError::clone);
@@ -234,15 +240,8 @@ impl ControlCycle<'_, '_> {
         let Some(planner) = self.moving() else { return Break(RunEnd::failed("no planner of moving parts")) };
         let segment = planner.plan(&headings(planner, &wanted));
         let plan_us = (self.io.clock.elapsed() - planning).as_secs_f64() * 1e6;
-        let drive = match drive_of(self.library, &PlannedPulse::Field(segment.pulse.clone())) {
-            Ok(drive) => drive,
-            Err(reason) => return Break(RunEnd::failed(reason)),
-        };
+        let drive = flow(drive_of(self.library, &PlannedPulse::Field(segment.pulse.clone())))?;
         Continue(PlannedSegment { segment, drive, wanted, plan_us })
-    }
-
-    fn begin_segment(&mut self) {
-        self.moving().into_iter().for_each(MovingPlanner::begin);
     }
 
     fn places_m(&mut self) -> Vec<Vec2> {
@@ -275,37 +274,32 @@ impl ControlCycle<'_, '_> {
                 self.perception.stop_motors(self.io.rig);
             }
             let (at_s, seen_m) = (self.perception.seen_at().secs_since(started_at), self.perception.seen_m());
-            let off_m = self.moving().map_or(0.0, |planner| planner.observe(at_s, &seen_m));
-            if self.may_be_knocked(off_m) || self.perception.suspects_foreign() {
+            self.moving().into_iter().for_each(|planner| planner.observe(at_s, &seen_m));
+            if self.may_be_knocked() || self.perception.suspects_foreign() {
                 self.perception.stop_motors(self.io.rig);
             }
         }
         Continue(())
     }
 
-    /// True where the last frames show, for the first time, that camera or plate may have been knocked: by the plate's
-    /// place, or by half of the parts, which are `off_m` from their forecast. A look at rest decides.
-    fn may_be_knocked(&mut self, off_m: f64) -> bool {
-        if self.suspects_knock || !self.params.guards.has(Finding::CameraMoved) {
-            return false;
-        }
-        let are_off = off_m > KNOCKED_M && !self.perception.delay.looks_late();
-        self.frames_off = if are_off { self.frames_off + 1 } else { 0 };
-        self.suspects_knock = self.perception.sees_knock(self.io.sink) || self.frames_off >= KNOCKED_FRAMES;
-        self.suspects_knock
+    /// True where the plate's place shows, for the first time, that camera or plate may have been knocked. A look at rest
+    /// decides.
+    fn may_be_knocked(&mut self) -> bool {
+        let is_watched = !self.suspects_knock && self.params.guards.has(Finding::CameraMoved);
+        self.suspects_knock |= is_watched && self.perception.sees_knock(self.io.sink);
+        is_watched && self.suspects_knock
     }
 
     /// Compares a segment with its plan: the plate's motion, the pictures' timing, the parts' steps.
     fn doubt_segment(&mut self, facts: &PulseFacts, judged: Option<MotionJudgement>) -> OrEnd {
         // parts coast on for a segment whatever the plate does: they are no witnesses of it
-        let sight = self.sight(None);
-        let found = judged.and_then(|judged| self.motion.check(&judged, sight));
-        let is_as_planned = self.report(found)?;
+        let is_as_planned = self.check_motion(judged, None)?;
         self.check_frozen(is_as_planned)?;
         self.check_picture_delay(is_as_planned)?;
-        // in late pictures parts lag behind as if they stuck
-        let positions = facts.positions.as_ref().filter(|_| !self.perception.delay.is_doubted());
-        let reached_s = self.moving().map_or(0.0, |planner| planner.reached_s());
+        let (reached_s, left_s) = self.moving().map_or((0.0, 0.0), |planner| (planner.reached_s(), planner.left_s()));
+        // in late pictures, and in those of a segment's first half alone, parts lag behind as if they stuck
+        let shows_steps = left_s <= reached_s && !self.perception.delay.is_doubted();
+        let positions = facts.positions.as_ref().filter(|_| shows_steps);
         let swayed_m = |place_m: &Vec2| {
             let at_m = |s: f64| self.perception.delay.sway_m(facts.started_at.secs() + s, *place_m);
             at_m(reached_s) - at_m(0.0)
@@ -316,11 +310,8 @@ impl ControlCycle<'_, '_> {
     }
 
     /// Swing of the plate while `next` takes over from `last`.
-    fn swing_after(&self, next: &PlannedSegment, last: Option<&PlannedPulse>) -> PlateSwing {
-        let fades = match last {
-            Some(PlannedPulse::Field(last)) => last.wave.clone(),
-            _ => TwistWave::default(),
-        };
+    fn swing_after(&self, next: &PlannedSegment, last: Option<&PlannedSegment>) -> PlateSwing {
+        let fades = last.map(|last| last.segment.pulse.wave.clone()).unwrap_or_default();
         self.swing_of(next.segment.pulse.wave.clone(), next.drive.envelope, Some(fades))
     }
 }

@@ -7,12 +7,15 @@ use crate::found::Found;
 use crate::gain_estimator::{ForecastDeviation, MORE};
 use crate::guards::{MotionFinding, NEVER, PlateSwing, PulseOutcome, Sight, went};
 use crate::perception::FramePurpose;
-use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
+use crate::run_end::{OrEnd, flow, is_stopped};
 use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Finding, StopCause};
+use upm_core::rig::RigError;
 use upm_core::signal::{AccelTrace, Drive, Envelope, TwistWave};
-use upm_perception::estimation::{AccelerometerPair, ExpectedMotion, FitError, PlateFit, fit_twist, fit_wave, judge};
+use upm_perception::estimation::{
+    AccelerometerPair, ExpectedMotion, FitError, MotionJudgement, PlateFit, fit_twist, fit_wave, judge,
+};
 use upm_planning::cor_library::{CoilResponse, Library};
 use upm_planning::planner::{PartState, PlannedPulse};
 
@@ -21,10 +24,7 @@ impl ControlCycle<'_, '_> {
     /// frame.
     pub(super) fn play(&mut self, planned: &PlannedPulse, purpose: FramePurpose) -> OrEnd {
         let _span = tracing::trace_span!("play").entered();
-        let drive = match drive_of(self.library, planned) {
-            Ok(drive) => drive,
-            Err(reason) => return Break(RunEnd::failed(reason)),
-        };
+        let drive = flow(drive_of(self.library, planned))?;
         let started_at = self.io.rig.now();
         let (all_seen, before_m) = (self.perception.frames_missing() == 0, self.perception.positions_m());
         let ahead = self.forecasts(&before_m, planned);
@@ -55,8 +55,8 @@ impl ControlCycle<'_, '_> {
         if let Break(ending) = followed {
             // a plate that did not move as planned explains parts at unexpected places
             let is_doubt = ending.cause == Some(StopCause::Found(Finding::PartsJumped));
-            let cause = if is_doubt { self.check_motion(drive, coils.as_ref(), fit, None).break_value() } else { None };
-            return Break(cause.unwrap_or(ending));
+            let judged = self.judged(drive, coils.as_ref(), fit).filter(|_| is_doubt);
+            return Break(self.check_motion(judged, None).break_value().unwrap_or(ending));
         }
         if let Some((seen, with_more_m)) = positions.as_ref().zip(with_more_m.as_ref()) {
             self.planning.gains.learn(seen, with_more_m, ForecastDeviation::of(planned));
@@ -89,7 +89,7 @@ impl ControlCycle<'_, '_> {
     fn doubt(&mut self, facts: &PulseFacts, coils: Option<&CoilResponse>) -> OrEnd {
         let PulseFacts { drive, fit, positions, .. } = facts;
         let went = positions.as_ref().and_then(went);
-        let is_as_planned = self.check_motion(drive, coils, fit, went)?;
+        let is_as_planned = self.check_motion(self.judged(drive, coils, fit), went)?;
         self.check_picture_delay(is_as_planned)?;
         let stuck = positions.as_ref().and_then(|positions| self.steps.check(positions, &[], self.limits.steps_limit));
         self.report_step(stuck)
@@ -103,15 +103,17 @@ impl ControlCycle<'_, '_> {
         Break(self.end_by(Found::about(Finding::PartStuck, part), reason))
     }
 
-    /// Compares the plate's motion in a pulse with its plan; true where it moved as planned.
-    fn check_motion(
-        &mut self,
+    fn judged(
+        &self,
         drive: &Drive,
         coils: Option<&CoilResponse>,
         fit: &Result<PlateFit, FitError>,
-        went: Option<PulseOutcome>,
-    ) -> OrEnd<bool> {
-        let judged = coils.map(|coils| judge(&self.expected(drive, coils), fit.as_ref(), &self.sensors()));
+    ) -> Option<MotionJudgement> {
+        coils.map(|coils| judge(&self.expected(drive, coils), fit.as_ref(), &self.sensors()))
+    }
+
+    /// Weighs how the plate moved in a pulse in which most parts went this way; true where it moved as planned.
+    pub(super) fn check_motion(&mut self, judged: Option<MotionJudgement>, went: Option<PulseOutcome>) -> OrEnd<bool> {
         let sight = self.sight(went);
         let found = judged.and_then(|judged| self.motion.check(&judged, sight));
         self.report(found)
@@ -194,13 +196,14 @@ impl ControlCycle<'_, '_> {
 }
 
 /// The drive of the motors for a pulse; `Err` with the reason where the library cannot drive it.
-pub(super) fn drive_of(library: &Library, planned: &PlannedPulse) -> Result<Drive, String> {
-    planned.drive(library).ok_or_else(|| match planned {
-        PlannedPulse::Rotation(rotation) => format!("library has no entry {}", rotation.entry),
+pub(super) fn drive_of(library: &Library, planned: &PlannedPulse) -> Result<Drive, RigError> {
+    let reason = || match planned {
+        PlannedPulse::Rotation(rotation) => format!("the library has no entry {}", rotation.entry),
         PlannedPulse::Field(field) => {
-            format!("library cannot drive a field of {} harmonics", field.wave.harmonics.len())
+            format!("the library drives no field of {} harmonics", field.wave.harmonics.len())
         }
-    })
+    };
+    planned.drive(library).ok_or_else(|| RigError::BadDrive(reason()))
 }
 
 /// The plate's motion from the accelerometers, for as many harmonics as the pulse has.
@@ -258,10 +261,14 @@ mod tests {
         };
         let forwards = drive_of(&library(), &rotation(0, 0.01)).unwrap();
         assert_eq!(drive_of(&library(), &rotation(0, -0.01)), Ok(forwards.reversed()));
-        assert_eq!(drive_of(&library(), &rotation(1, 0.01)), Err("library has no entry 1".into()));
+        assert_eq!(
+            drive_of(&library(), &rotation(1, 0.01)),
+            Err(RigError::BadDrive("the library has no entry 1".into()))
+        );
         let drive = drive_of(&library(), &field(2)).unwrap();
         assert_eq!((drive.base_radps, drive.envelope.attack_s, drive.motors[0].len()), (BASE_RADPS, 0.06, 2));
-        assert_eq!(drive_of(&library(), &field(3)), Err("library cannot drive a field of 3 harmonics".into()));
+        let refused = RigError::BadDrive("the library drives no field of 3 harmonics".into());
+        assert_eq!(drive_of(&library(), &field(3)), Err(refused));
     }
 
     #[test]

@@ -39,11 +39,8 @@ impl ControlCycle<'_, '_> {
 
     fn play_probe(&mut self, expected: &ExpectedMotion<'_>) -> OrEnd<Result<PlateFit, FitError>> {
         let drive = expected.drive;
-        let planned = PlannedPulse::Field(FieldPulse {
-            wave: expected.wave(),
-            follows: Follows::Displacement,
-            sustain_s: drive.envelope.sustain_s,
-        });
+        let (wave, follows, sustain_s) = (expected.wave(), Follows::Displacement, drive.envelope.sustain_s);
+        let planned = PlannedPulse::Field(FieldPulse { wave, follows, sustain_s });
         let (started_at, before_m) = (self.io.rig.now(), self.perception.positions_m());
         self.perception.expect_pulse(started_at, Some(&before_m), Some(self.swing(expected)));
         flow(self.io.rig.play(drive))?;

@@ -52,6 +52,8 @@ pub struct DelayGuard {
     newest: u64,
     /// The last two pulses with the time of their beginning, s of plate time, newest first.
     pulses: VecDeque<(f64, PlateSwing)>,
+    /// The one that takes over from them, as soon as it is known.
+    next: Option<(f64, PlateSwing)>,
     /// For each delay the evidence for it, a log-likelihood ratio that does not fall below zero (CUSUM; Page,
     /// Biometrika 41, 1954). The first two entries, pictures in time, stay zero.
     late: [f64; NEVER + 1],
@@ -85,12 +87,25 @@ impl DelayGuard {
     pub fn begin(&mut self, at_s: f64, swing: PlateSwing) {
         self.pulses.truncate(1);
         self.pulses.push_front((at_s, swing));
-        self.is_cut = false;
+        (self.is_cut, self.next) = (false, None);
+    }
+
+    /// A pulse will take over at `at_s` of plate time: frames from then on show its swing, even before it counts as the
+    /// newest one.
+    pub fn expect_next(&mut self, at_s: f64, swing: PlateSwing) {
+        self.next = Some((at_s, swing));
+    }
+
+    /// The expected pulse is the newest one from now on.
+    pub fn begin_next(&mut self) {
+        if let Some((at_s, swing)) = self.next.take() {
+            self.begin(at_s, swing);
+        }
     }
 
     /// The present pulse was cut short: the plate swings out as no plan has it.
     pub fn cut(&mut self) {
-        self.is_cut = true;
+        (self.is_cut, self.next) = (true, None);
     }
 
     /// Takes the limit of a run, and the noise with which its camera shows corners, px.
@@ -138,7 +153,7 @@ impl DelayGuard {
 
     /// The swing of the pulse that plays at `at_s`, and the time since its beginning, s.
     fn swing_at(&self, at_s: f64) -> Option<(f64, &PlateSwing)> {
-        let pulse = self.pulses.iter().find(|(begin_s, _)| *begin_s <= at_s);
+        let pulse = self.next.iter().chain(&self.pulses).find(|(begin_s, _)| *begin_s <= at_s);
         pulse.map(|(begin_s, swing)| (at_s - begin_s, swing))
     }
 

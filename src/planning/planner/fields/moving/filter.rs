@@ -71,17 +71,16 @@ impl PartFilter {
         self.covariance = step * self.covariance * step.transpose() + noise;
     }
 
-    /// Takes the place at which a frame shows the part; returns how far that is from the forecast one, m.
-    pub fn correct(&mut self, seen_m: Vec2) -> Vec2 {
+    /// Takes the place at which a frame shows the part.
+    pub fn correct(&mut self, seen_m: Vec2) {
         let off_m = seen_m - self.disc().position_m;
         let of_place = self.covariance.fixed_view::<2, 2>(0, 0) + Matrix2::identity() * (SENSING_M * SENSING_M);
-        let Some(inverse) = of_place.try_inverse() else { return off_m };
+        let Some(inverse) = of_place.try_inverse() else { return };
         let gain = self.covariance.fixed_view::<5, 2>(0, 0) * inverse;
         self.state += gain * Vector2::new(off_m.x, off_m.y);
         let of_places = self.covariance.fixed_view::<2, 5>(0, 0).into_owned();
         self.covariance -= gain * of_places;
         let [least, most] = [RANGE.0, RANGE.1].map(|share| share * self.usual_friction);
         self.state[4] = self.state[4].clamp(least, most);
-        off_m
     }
 }

@@ -46,9 +46,6 @@ const FARTHER: f64 = 1.2;
 /// most pass each other without one, and sooner.
 const BLOCKED: usize = 75;
 
-/// Parts from which on a hand is no explanation where half of them are off their forecast.
-const MANY: usize = 3;
-
 /// One segment of a motion without pauses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
@@ -155,29 +152,31 @@ impl MovingPlanner {
 
     /// Takes a frame exposed `at_s` after the present segment began; `seen_m` are the places of the parts in it, `None`
     /// for those that it does not show. A frame exposed after the segment's end counts once the next one begins.
-    ///
-    /// Returns how far the parts are off their forecast places, m: the median, and 0 for fewer than three.
-    pub fn observe(&mut self, at_s: f64, seen_m: &[Option<Vec2>]) -> f64 {
+    pub fn observe(&mut self, at_s: f64, seen_m: &[Option<Vec2>]) {
         let step_s = self.model.basis.step_s();
         let after_s = at_s - self.end as f64 * step_s;
         if after_s > 0.0 {
             self.early = Some((after_s, seen_m.to_vec()));
-            return 0.0;
+            return;
         }
         let step = (at_s / step_s).round().max(0.0) as usize;
         self.advance(step);
         let early_s = self.step as f64 * step_s - at_s;
-        let parts = self.parts.iter_mut().zip(seen_m);
-        let mut off_m: Vec<f64> = parts
-            .filter_map(|(part, seen_m)| Some(part.correct((*seen_m)? + part.disc().velocity_mps * early_s).norm()))
-            .collect();
-        off_m.sort_by(f64::total_cmp);
-        if off_m.len() < MANY { 0.0 } else { off_m[off_m.len() / 2] }
+        for (part, seen_m) in self.parts.iter_mut().zip(seen_m) {
+            if let Some(seen_m) = seen_m {
+                part.correct(seen_m + part.disc().velocity_mps * early_s);
+            }
+        }
     }
 
     /// Time of the present segment up to which the parts were followed, s.
     pub fn reached_s(&self) -> f64 {
         self.step as f64 * self.model.basis.step_s()
+    }
+
+    /// Time from there until the next segment begins, s.
+    pub fn left_s(&self) -> f64 {
+        self.end.saturating_sub(self.step) as f64 * self.model.basis.step_s()
     }
 
     /// Estimated places of the parts, m.
