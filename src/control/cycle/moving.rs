@@ -282,8 +282,8 @@ impl ControlCycle<'_, '_> {
         Continue(())
     }
 
-    /// True where the plate's place shows, for the first time, that camera or plate may have been knocked. A look at rest
-    /// decides.
+    /// True where the plate's place shows, for the first time, that camera or plate may have been knocked. A look at
+    /// rest decides.
     fn may_be_knocked(&mut self) -> bool {
         let is_watched = !self.suspects_knock && self.params.guards.has(Finding::CameraMoved);
         self.suspects_knock |= is_watched && self.perception.sees_knock(self.io.sink);

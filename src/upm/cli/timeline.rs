@@ -41,8 +41,8 @@ where
     (layer.with_filter(filter_fn(of_program)), guard)
 }
 
-/// A list of events as JSON. What exceeds its room or cannot be written is lost, without an error: the library panics
-/// at one.
+/// A list of events as JSON. Events beyond its room, or that cannot be written, are lost without an error: the library
+/// panics at one.
 struct BoundedFile<W> {
     out: W,
     room: usize,
