@@ -57,7 +57,7 @@ pub struct FinalState {
 pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams) -> FinalState {
     let limits = params.guards.limits(params.parts.len(), params.method != PlanningMethod::MovingField);
     let open = |io: &mut RunIo<'_>| {
-        let planner = match PulsePlanner::new(params, library) {
+        let planner = match PulsePlanner::new(params, library, io.planner.take()) {
             Ok(planner) => planner,
             Err(ending) => return Break(ending),
         };

@@ -7,9 +7,19 @@ use super::run_end::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::{
-    Corridor, FieldPlanner, MovingPlanner, PartState, Plan, PlannedPulse, PlanningMethod, PseudoInverse,
+    Corridor, FieldPlanner, MovingPlanner, PartState, Plan, PlanStatus, PlannedPulse, PlanningMethod, PseudoInverse,
     RotationPlanner,
 };
+
+/// A planner of the caller's, in the place of the run's own.
+pub trait OwnPlanner: Send {
+    /// The pulses of one cycle, in the order in which they are played, for parts at rest, each with the step that it
+    /// should make; none where the parts should stay.
+    ///
+    /// # Errors
+    /// The reason, for people. It ends the run.
+    fn plan(&mut self, parts: &[PartState]) -> Result<Vec<PlannedPulse>, String>;
+}
 
 /// A planner of one of the methods.
 pub(super) enum PulsePlanner {
@@ -23,17 +33,26 @@ pub(super) enum PulsePlanner {
     Fields(FieldPlanner),
     /// Motions without pauses.
     Moving(MovingPlanner),
+    /// The caller's; the others forecast its pulses.
+    Own {
+        planner: Box<dyn OwnPlanner>,
+        flows: RotationPlanner,
+        fields: Option<FieldPlanner>,
+    },
 }
 
 impl PulsePlanner {
     /// The planner that `method` asks for, or the ending of a run whose library lacks what it needs.
-    pub fn new(run: &ControlParams, library: &Arc<Library>) -> Result<Self, RunEnd> {
+    pub fn new(run: &ControlParams, library: &Arc<Library>, own: Option<Box<dyn OwnPlanner>>) -> Result<Self, RunEnd> {
         let params = run.planner;
         let no_fields = || {
             let remedy = "take \"planner\": \"auto\" or \"cor_sequence\", or calibrate the rig with `fields`";
             RunEnd::failed(format!("the library has no response to synthesised fields: {remedy}"))
         };
         let rotations = || RotationPlanner::new(Arc::clone(library), params);
+        if let Some(planner) = own {
+            return Ok(Self::Own { planner, flows: rotations(), fields: FieldPlanner::new(library, params) });
+        }
         match run.method {
             PlanningMethod::CorSequence => Ok(Self::Rotations(rotations())),
             PlanningMethod::PseudoInverse => {
@@ -58,7 +77,23 @@ impl PulsePlanner {
             Self::Fields(planner) => planner.plan(parts, corridors),
             // its segments are planned for parts in motion
             Self::Moving(_) => Plan::default(),
+            Self::Own { planner, .. } => match planner.plan(parts) {
+                Ok(pulses) => self.forecast_plan(parts.to_vec(), pulses),
+                Err(why) => PlanStatus::SolverFailed(why).into(),
+            },
         }
+    }
+
+    /// The plan of these pulses, one after another.
+    fn forecast_plan(&self, mut parts: Vec<PartState>, pulses: Vec<PlannedPulse>) -> Plan {
+        let mut predicted_m = Vec::with_capacity(pulses.len());
+        for pulse in &pulses {
+            let places_m = self.forecast(&parts, pulse).unwrap_or_else(|| parts.iter().map(|p| p.position_m).collect());
+            parts.iter_mut().zip(&places_m).for_each(|(part, place_m)| part.position_m = *place_m);
+            predicted_m.push(places_m);
+        }
+        let status = if pulses.is_empty() { PlanStatus::NothingToDo } else { PlanStatus::Solved };
+        Plan { status, pulses, predicted_m, ..Plan::default() }
     }
 
     /// Bounds the displacement of a part in one sequence, m.
@@ -70,16 +105,19 @@ impl PulsePlanner {
 
     /// True when it tries smaller steps itself where the whole ones are infeasible.
     pub fn tries_smaller(&self) -> bool {
-        !matches!(self, Self::PseudoInverse { .. })
+        !matches!(self, Self::PseudoInverse { .. } | Self::Own { .. })
     }
 
     /// Forecast positions of `parts` after `pulse`, m; `None` for a pulse of a kind that it does not plan.
     pub fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
         match (self, pulse) {
-            (Self::Rotations(flows) | Self::PseudoInverse { flows, .. }, PlannedPulse::Rotation(rotation)) => {
-                Some(flows.forecast(parts, rotation))
+            (
+                Self::Rotations(flows) | Self::PseudoInverse { flows, .. } | Self::Own { flows, .. },
+                PlannedPulse::Rotation(rotation),
+            ) => Some(flows.forecast(parts, rotation)),
+            (Self::Fields(planner) | Self::Own { fields: Some(planner), .. }, PlannedPulse::Field(field)) => {
+                Some(planner.forecast(parts, field))
             }
-            (Self::Fields(planner), PlannedPulse::Field(field)) => Some(planner.forecast(parts, field)),
             _ => None,
         }
     }

@@ -1,6 +1,6 @@
 use std::sync::atomic::AtomicBool;
 
-use super::Sink;
+use super::{OwnPlanner, Sink};
 use upm_core::rig::{Rig, RigModel};
 use upm_core::time::Clock;
 
@@ -18,4 +18,6 @@ pub struct RunIo<'a> {
     pub stop: &'a AtomicBool,
     /// Flag set from outside to end the run between two cycles.
     pub give_way: &'a AtomicBool,
+    /// The caller's planner, in the place of the run's own.
+    pub planner: Option<Box<dyn OwnPlanner>>,
 }

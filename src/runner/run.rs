@@ -73,7 +73,7 @@ pub use movie::movie;
 pub use paced::PacingStats;
 pub use path_warnings::job_warnings;
 pub use planner_selection::PlannerSelection;
-pub use setup::{RunSetup, TruthInJobOrder, planner_params};
+pub use setup::{OwnParts, RunSetup, TruthInJobOrder, planner_params};
 pub use simulate::{FirstFrame, TruePart, check_simulate, first_frame, simulate};
 pub use upm_planning::planner::Reach;
 pub use upm_sim::OpenLoopTrajectories;
@@ -115,9 +115,26 @@ pub fn run(
     pacing: &PacingStats,
     watcher: &mut dyn Sink,
 ) -> Result<RunResult, RunError> {
+    run_own(job, library, (options, OwnParts::default()), clock, stop, pacing, watcher)
+}
+
+/// As [`run`], with what the caller brings in the place of the job's own. The report then says so in a warning, and has
+/// no verdict on a task or a rig of the caller's.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_own(
+    job: &JobSpec,
+    library: Arc<Library>,
+    (options, own): (&RunOptions, OwnParts),
+    clock: &dyn Clock,
+    stop: &AtomicBool,
+    pacing: &PacingStats,
+    watcher: &mut dyn Sink,
+) -> Result<RunResult, RunError> {
     check_mode(options)?;
     // a job that cannot be run leaves no folder
-    let setup = RunSetup::new(job, &library)?;
+    let setup = RunSetup::new(job, &library)?.with_own(job, own)?;
     let folder = RunFolder::create(&options.out, job, &options.started_utc)?;
     let (interlock, give_way) = (Interlock::default(), AtomicBool::new(false));
     let is_broken = || interlock.tripped().is_some() || options.recording_options.journal.fault().is_some();
@@ -191,9 +208,10 @@ impl Session<'_> {
     fn run_into(&self, setup: &mut RunSetup, watcher: &mut dyn Sink) -> Result<Done, RunError> {
         let Self { job, library, folder, options, clock, controls } = self;
         folder.write_effective(job, library)?;
+        let owned = setup.owned();
         let started = clock.elapsed();
         let mut journal = Journal::new(folder.journal(&options.recording_options)?, Arc::clone(library));
-        let mut stats = RunStats::new(Some(setup.truth.clone()));
+        let mut stats = RunStats::new(setup.known_truth());
         let mut recorder = self.start_recording(setup)?;
         let mut truth_log = TruthLog::of(setup, folder)?;
         let mut named = TruthInJobOrder(setup.truth.clone());
@@ -223,12 +241,12 @@ impl Session<'_> {
         });
         let (stop, give_way) = (controls.stop, controls.give_way);
         let mut finish = setup.play(library, pace, &mut sinks, *clock, stop, give_way);
-        controls.explain(&mut finish, &mut sinks, setup.rig.now());
+        controls.explain(&mut finish, &mut sinks, setup.now());
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
         let warning = finish_recording(recorder, options);
         let mut sinks = Fanout { sinks: vec![&mut journal, &mut stats, watcher], after_frame: None };
-        report_recording_end(&options.recording_options.recording, &mut sinks, setup.rig.now());
+        report_recording_end(&options.recording_options.recording, &mut sinks, setup.now());
         let written = journal.finish().and_then(BackgroundWriter::finish);
         let written = written.map_err(|error| folder.write_error("journal.jsonl", &reason(&error)));
         let written =
@@ -238,9 +256,10 @@ impl Session<'_> {
         }
         let mut report = stats.report(ending(job, Some(setup), finish, wall_time_s));
         report.incidents.recording = options.recording_options.recording.ended_early();
-        report.incidents.warnings = job_warnings(job, library).iter().map(ToString::to_string).chain(warning).collect();
+        report.incidents.warnings =
+            job_warnings(job, library).iter().map(ToString::to_string).chain(warning).chain(owned.clone()).collect();
         report.pacing = options.real_time.then(|| controls.pacing.report(missed_before));
-        report.verdict = verdict(job, &report);
+        report.verdict = if setup.is_judged() { verdict(job, &report) } else { None };
         let reported = folder.write_json(folder::REPORT_FILE, &report);
         report.incidents.warnings.extend(reported.as_ref().err().map(ToString::to_string));
         Ok((RunResult { folder: folder.path().to_owned(), report }, written.and(reported)))
@@ -259,7 +278,7 @@ impl Session<'_> {
             parts: layout.parts,
             bins: layout.bins,
             paths: layout.paths,
-            truth: Some(setup.truth.clone()),
+            truth: setup.known_truth(),
         };
         let path = folder.path().join("run.rrd");
         let sink = RerunSink::start(&options.rerun, &path, context, &options.recording_options);
@@ -278,9 +297,11 @@ impl RunSetup {
         stop: &AtomicBool,
         give_way: &AtomicBool,
     ) -> FinalState {
-        let Self { rig, model, task, params, faults, streams, .. } = self;
+        let Self { rig, model, task, params, faults, streams, own_rig, own_planner, .. } = self;
         let (mut faulty, mut paced);
-        let mut rig: &mut dyn Rig = if faults.is_empty() {
+        let mut rig: &mut dyn Rig = if let Some(own) = own_rig {
+            own.as_mut()
+        } else if faults.is_empty() {
             rig
         } else {
             faulty = Faulty::new(rig, faults, *streams, &std::thread::sleep);
@@ -290,7 +311,8 @@ impl RunSetup {
             paced = RealTimeRig::new(rig, pace);
             rig = &mut paced;
         }
-        control::run(RunIo { rig, model, sink, clock, stop, give_way }, library, task.as_mut(), params)
+        let planner = own_planner.take();
+        control::run(RunIo { rig, model, sink, clock, stop, give_way, planner }, library, task.as_mut(), params)
     }
 }
 

@@ -21,6 +21,8 @@ pub(crate) struct Motors {
     low_pass: LowPass,
     filtered: [ModeState; MOTORS],
     drives: DriveSequence,
+    /// Samples that play in the place of drives, whole counts.
+    samples: Vec<[i16; MOTORS]>,
     steps: u64,
     held_sample: Option<u64>,
     held_counts: [f64; MOTORS],
@@ -62,6 +64,7 @@ impl Motors {
             low_pass: LowPass::new(params.low_pass_hz, step_s),
             filtered: [ModeState::default(); MOTORS],
             drives: DriveSequence::default(),
+            samples: Vec::new(),
             steps: 0,
             held_sample: None,
             held_counts: [0.0; MOTORS],
@@ -80,7 +83,7 @@ impl Motors {
                 *slow = corner_hz.is_finite().then(slow_coil);
             }
         }
-        if self.drives.is_over() {
+        if self.is_over() {
             // without a drive the amplifiers receive zero, so a freed coil returns to it; under a drive the next sample
             // sets it
             let freed = was_stuck.iter().zip(faults.stuck).map(|(was, is)| *was && !is);
@@ -88,11 +91,27 @@ impl Motors {
         }
     }
 
+    /// Samples a second.
+    pub fn sample_hz(&self) -> f64 {
+        self.params.sample_hz
+    }
+
     /// Starts `drive` now, replacing any other.
     pub fn start(&mut self, drive: Drive) {
         self.drives = DriveSequence::start(drive);
-        self.steps = 0;
-        self.held_sample = None;
+        (self.samples, self.steps, self.held_sample) = (Vec::new(), 0, None);
+    }
+
+    /// Plays `samples` now, in the place of any drive.
+    pub fn start_samples(&mut self, samples: Vec<[i16; MOTORS]>) {
+        self.drives = DriveSequence::default();
+        (self.samples, self.steps, self.held_sample) = (samples, 0, None);
+    }
+
+    /// True when nothing plays.
+    #[inline(always)]
+    fn is_over(&self) -> bool {
+        self.drives.is_over() && self.samples.is_empty()
     }
 
     /// Lets `drive` take over from the playing one; returns the time until then, s. `None` where it is too late.
@@ -128,7 +147,7 @@ impl Motors {
 
     /// Cuts the amplifiers: no force from now on.
     pub fn stop(&mut self) {
-        self.drives = DriveSequence::default();
+        (self.drives, self.samples) = (DriveSequence::default(), Vec::new());
         self.held_counts = [0.0; MOTORS];
         self.filtered = [ModeState::default(); MOTORS];
         self.slow.iter_mut().flatten().for_each(|(_, filtered)| *filtered = ModeState::default());
@@ -137,7 +156,7 @@ impl Motors {
     /// True when no drive plays and the amplifiers' last current has decayed (below a thousandth of a count). A coil
     /// that a fault made slow may still push, which the controller does not know.
     pub fn is_idle(&self) -> bool {
-        self.drives.is_over() && self.filtered.iter().all(|filtered| self.low_pass.has_decayed(filtered))
+        self.is_over() && self.filtered.iter().all(|filtered| self.low_pass.has_decayed(filtered))
     }
 
     /// True when idle, and slow coils have decayed, too.
@@ -164,7 +183,7 @@ impl Motors {
 
     #[inline(always)]
     fn hold_sample(&mut self) {
-        if self.drives.is_over() {
+        if self.is_over() {
             return;
         }
         let sample = ((self.steps as f64 + 0.5) * self.step_s * self.params.sample_hz) as u64;
@@ -172,8 +191,12 @@ impl Motors {
             return;
         }
         self.held_sample = Some(sample);
-        let t_s = sample as f64 / self.params.sample_hz;
-        let Some(counts) = self.drives.counts_at(t_s) else {
+        let counts = match self.samples.get(sample as usize) {
+            Some(counts) => Some(counts.map(f64::from)),
+            None => self.drives.counts_at(sample as f64 / self.params.sample_hz),
+        };
+        let Some(counts) = counts else {
+            self.samples.clear();
             self.hold(|_| 0.0);
             return;
         };

@@ -11,7 +11,7 @@ use super::plate::{PlateMotion, ShakenPlate, Wrench};
 use super::{PartParams, SimParams, Snapshot};
 use upm_core::geometry::Pose;
 use upm_core::random::Streams;
-use upm_core::signal::{AccelTrace, Drive};
+use upm_core::signal::{AccelTrace, Drive, MOTORS};
 use upm_core::time::PlateTime;
 
 /// Thresholds below which everything counts as at rest: a tenth of a micrometre, ten micrometres per second.
@@ -70,6 +70,13 @@ impl Plant {
         self.motors.start(drive);
         self.pulse_steps = 0;
         self.still = false;
+    }
+
+    /// Plays `samples` of the motors now, which last `driven_s`.
+    pub fn play_samples(&mut self, samples: Vec<[i16; MOTORS]>, driven_s: f64) {
+        self.accelerometers.start(driven_s);
+        self.motors.start_samples(samples);
+        (self.pulse_steps, self.still) = (0, false);
     }
 
     /// Lets `drive` take over from the playing one; returns the time until then, s. `None` where it is too late.

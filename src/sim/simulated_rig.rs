@@ -10,7 +10,7 @@ use upm_core::geometry::{Pose, Vec2};
 use upm_core::ground_truth::{GroundTruthHandle, PartTruth};
 use upm_core::random::{Rng, Streams};
 use upm_core::rig::{Interlock, Rig, RigError, RigModel};
-use upm_core::signal::{AccelTrace, Drive, Frame};
+use upm_core::signal::{AccelTrace, Drive, Frame, MOTORS};
 use upm_core::time::PlateTime;
 
 /// Longest pulse, its rest included, s.
@@ -93,6 +93,31 @@ impl SimRig {
     /// A handle on the ground truth at the middle of the last exposure.
     pub fn probe(&self) -> GroundTruthHandle {
         self.probe.clone()
+    }
+
+    /// Plays samples of the motors, whole counts, as a sound card would, with `rest_s` of rest after them: those of
+    /// [`Drive::samples`] move the plate exactly as their drive does.
+    ///
+    /// # Errors
+    /// As [`Rig::play`].
+    pub fn play_samples(&mut self, samples: Vec<[i16; MOTORS]>, driven_s: f64, rest_s: f64) -> Result<(), RigError> {
+        self.stop_if_tripped()?;
+        if !(driven_s >= 0.0 && rest_s >= 0.0 && driven_s + rest_s <= LONGEST_PULSE_S) {
+            return Err(RigError::BadDrive("samples and rest take 0 s to ten minutes".to_owned()));
+        }
+        if self.now() < self.settled_at {
+            return Err(RigError::Busy(self.settled_at));
+        }
+        self.check_peak(samples.iter().flatten().map(|counts| f64::from(counts.unsigned_abs())).fold(0.0, f64::max))?;
+        self.port.energize()?;
+        (self.settled_at, self.rest_s) = (self.now() + driven_s + rest_s, rest_s);
+        self.plant.play_samples(samples, driven_s);
+        Ok(())
+    }
+
+    /// Samples a second of the motors.
+    pub fn sample_hz(&self) -> f64 {
+        self.plant.motors.sample_hz()
     }
 
     /// Sets the motors to zero and returns `Err` once the interlock has tripped.

@@ -9,8 +9,7 @@ macro_rules! outln {
 /// Writes a line to stderr; a failed write is ignored.
 macro_rules! errln {
     ($($text:tt)*) => {{
-        use std::io::Write as _;
-        writeln!(std::io::stderr(), $($text)*).ok();
+        $crate::cli::output::put_error(format_args!($($text)*));
     }};
 }
 
@@ -49,18 +48,25 @@ mod timeline;
 mod usage;
 mod verify;
 
-use std::process::ExitCode;
+use std::ffi::OsString;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use clap::{CommandFactory, FromArgMatches};
 
 use args::{Cli, Command};
 use output::Failure;
 
-/// Parses the command line and runs the command. Exit status: 0 done, 1 task not completed, 2 bad usage or a bad file,
+/// Runs the process's command line. Returns its exit status: 0 done, 1 task not completed, 2 bad usage or a bad file,
 /// 130 ended by Ctrl-C.
-pub fn main() -> ExitCode {
+pub fn main() -> u8 {
+    main_with(std::env::args_os())
+}
+
+/// As [`main`], for the command line that `args` are, the program's name first.
+pub fn main_with(args: impl IntoIterator<Item = OsString>) -> u8 {
     let mut command = examples::command();
-    let parsed = command.try_get_matches_from_mut(std::env::args_os());
+    let parsed = command.try_get_matches_from_mut(args);
     let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) => return usage::answer(&error.format(&mut command)),
@@ -72,15 +78,31 @@ pub fn main() -> ExitCode {
     }
     let timeline = match cli.command.trace().map(timeline::create).transpose() {
         Ok(timeline) => timeline.unzip(),
-        Err(failure) => return ExitCode::from(failure.report()),
+        Err(failure) => return failure.report(),
     };
     let flush_guard = logs::start(cli.common, log, timeline.0);
     let done = dispatch(cli);
     drop((flush_guard, timeline.1));
-    match done {
-        Ok(status) => ExitCode::from(status),
-        Err(failure) => ExitCode::from(failure.report()),
-    }
+    done.unwrap_or_else(|failure| failure.report())
+}
+
+/// Runs a command that prints one JSON document, without printing; returns that document. The flag `stop` takes the
+/// place of Ctrl-C.
+///
+/// # Errors
+/// The lines that a command without a document prints on stderr.
+pub fn answer(args: impl IntoIterator<Item = OsString>, stop: &Arc<AtomicBool>) -> Result<String, Vec<String>> {
+    let mut command = examples::command();
+    let parsed = command.try_get_matches_from_mut(args).and_then(|matches| Cli::from_arg_matches(&matches));
+    let mut cli = parsed.map_err(|error| vec![usage::line(&error.format(&mut command))])?;
+    (cli.common.json, cli.common.quiet) = (true, true);
+    let captured = output::captured(stop, || dispatch(cli).map_err(|failure| failure.report()));
+    if captured.document.is_empty() { Err(captured.errors) } else { Ok(captured.document) }
+}
+
+/// Path and text of each shipped file: jobs, rigs, libraries, examples. They name each other by these paths.
+pub fn shipped_files() -> &'static [(&'static str, &'static str)] {
+    shipped::FILES
 }
 
 fn dispatch(cli: Cli) -> Result<u8, Failure> {

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     keep_memory_together();
-    upm::cli::main()
+    ExitCode::from(upm::cli::main())
 }
 
 /// Sets glibc's allocator to one arena per core and to return large blocks at once, so that the memory held is about

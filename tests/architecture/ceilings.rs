@@ -4,18 +4,18 @@ use std::collections::BTreeMap;
 
 use super::rules::Source;
 
-/// Most lines of code outside tests in a crate. A change that adds also removes: a ceiling is raised only where a new
-/// capability is worth it, and lowered when its crate shrinks.
-const CEILINGS: [(&str, usize); 14] = [
+/// Most lines of code outside tests in a crate: raised only by the budget of an issue, lowered when the crate shrinks.
+const CEILINGS: [(&str, usize); 15] = [
     ("chart", 786),
-    ("control", 4170), // 54 of issue 48's budget: which parts wait for which, spans
-    ("core", 2605),    // 45 of issue 48's budget
+    ("control", 4200), // 54 of issue 48's budget, and 30 of issue 49's: planners of a caller
+    ("core", 2610),    // 45 of issue 48's budget, 5 of issue 49's
     ("fixtures", 336),
     ("lab", 6188),
     ("perception", 4820),
     ("planning", 7690), // 30 of issue 48's budget: room for named parts
+    ("python", 430),    // all of issue 49's budget
     ("recording", 1308),
-    ("runner", 5336), // 433 of issue 48's budget: rigs by reference, warnings, paths, parts by name, verdict of dry runs
+    ("runner", 5420), // 433 of issue 48's budget, 84 of issue 49's: what a caller brings in the place of a job's own
     ("scene", 869),
     ("server", 4601), // 11 of issue 48's budget
     ("sim", 3470),

@@ -21,9 +21,9 @@ fn dependencies(of: &str, wanted: fn(&str) -> bool) -> BTreeSet<&'static str> {
     let manifest = fs::read_to_string(path).unwrap();
     let sections = manifest.split("\n[").filter_map(|section| section.split_once(']'));
     let lines = sections.filter(|(name, _)| wanted(name)).flat_map(|(_, section)| section.lines());
-    let of_workspace = lines.filter_map(|line| line.split(['.', ' ', '=']).next()?.strip_prefix("upm-"));
+    let of_workspace = lines.filter_map(|line| line.split(['.', ' ', '=']).next()?.strip_prefix("upm"));
     let known = |name: String| names().find(|known| *known == name).unwrap_or_else(|| panic!("no `{name}` on the map"));
-    of_workspace.map(|name| known(name.replace('-', "_"))).collect()
+    of_workspace.map(|name| known(name.strip_prefix('-').unwrap_or("upm").replace('-', "_"))).collect()
 }
 
 impl Crates {

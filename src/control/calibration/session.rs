@@ -43,7 +43,8 @@ impl<'a> CalibrationSession<'a> {
     /// The devices that perception works with, without a sink and a clock.
     pub(super) fn io<'s>(&'s mut self, sink: &'s mut dyn Sink) -> RunIo<'s> {
         static NEVER: AtomicBool = AtomicBool::new(false);
-        RunIo { rig: self.rig, model: self.model, sink, clock: &StoppedClock, stop: self.stop, give_way: &NEVER }
+        let (rig, model, stop) = (&mut *self.rig, self.model, self.stop);
+        RunIo { rig, model, sink, clock: &StoppedClock, stop, give_way: &NEVER, planner: None }
     }
 
     pub(super) fn report(&mut self, stage: &'static str, done: usize, total: usize) {

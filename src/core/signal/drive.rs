@@ -77,6 +77,12 @@ pub struct Drive {
 }
 
 impl Drive {
+    /// The samples of each motor at `sample_hz`, whole counts, from the start until it is silent.
+    pub fn samples(&self, sample_hz: f64) -> Vec<[i16; MOTORS]> {
+        let length = (self.envelope.driven_s() * sample_hz).ceil() as usize;
+        (0..length).map(|sample| self.counts_at(sample as f64 / sample_hz).map(|c| c.round() as i16)).collect()
+    }
+
     /// The sample of each motor at `t_s` after the start, counts, before rounding.
     #[inline]
     pub fn counts_at(&self, t_s: f64) -> [f64; MOTORS] {

@@ -2,6 +2,7 @@ use crate::cor_library::{CoilResponse, Library};
 use upm_core::coded_enum;
 use upm_core::geometry::Vec2;
 use upm_core::signal::{Drive, Follows, TwistWave};
+use upm_core::units::mm_from_m;
 
 /// State of one part as the planner sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -123,6 +124,28 @@ pub struct Rotation {
     pub sustain_s: f64,
     /// Rest after it, until all parts are forecast to be at rest, s.
     pub rest_s: f64,
+}
+
+impl Rotation {
+    /// The rotation about the library's entry `entry` that carries the fastest of parts at `places_m` by `distance_m`.
+    ///
+    /// # Errors
+    /// An entry or a distance that the library does not have: the allowed and the found one.
+    pub fn carrying(library: &Library, entry: usize, distance_m: f64, places_m: &[Vec2]) -> Result<Self, String> {
+        let Some(found) = library.entries.get(entry) else {
+            return Err(format!(
+                "entry: expected one of 0 to {}, found {entry}",
+                library.entries.len().saturating_sub(1)
+            ));
+        };
+        let speed_mps = places_m.iter().map(|&place_m| found.speed_at(place_m)).fold(0.0, f64::max);
+        let model = &library.displacement;
+        let [least_mm, most_mm] = [model.min_distance(speed_mps), model.max_distance(speed_mps)].map(mm_from_m);
+        let sustain_s = model.sustain_for(speed_mps, distance_m.abs()).ok_or_else(|| {
+            format!("distance: expected {least_mm:.2} to {most_mm:.2} mm, either way, found {}", mm_from_m(distance_m))
+        })?;
+        Ok(Self { entry, distance_m, amplitude: 1.0, sustain_s, rest_s: library.rest_after(sustain_s) })
+    }
 }
 
 /// One synthesised motion under an envelope (equation sheet, section 5).

@@ -22,11 +22,11 @@ pub(super) fn ending<R: Rig>(
 ) -> Report {
     let FinalState { ending: RunEnd { outcome, cause, reason }, wanted, measured_m, lost, evidence } = finish;
     let parts_of = |setup: &RunSetup<R>| {
-        let truth = setup.truth.read();
+        let truth = setup.known_truth();
         let part_at_end = |(i, part): (usize, &ExpectedPart)| {
             let kind = setup.params.kinds.get(part.kind).map_or("", |kind| &kind.name);
             let target_m = wanted.as_ref().and_then(|wanted| wanted.targets_m.get(i).copied());
-            let true_m = truth.parts.get(i).map(|part| part.part_in_table.position_m);
+            let true_m = truth.as_ref().and_then(|truth| Some(truth.read().parts.get(i)?.part_in_table.position_m));
             PartReport::of(&part.id, kind, target_m, measured_m.get(i).copied(), true_m)
         };
         setup.params.parts.iter().enumerate().map(part_at_end).collect()
@@ -44,7 +44,7 @@ pub(super) fn ending<R: Rig>(
         outcome,
         stop: cause.map(|cause| StopReport::of(cause, &reason)),
         reason,
-        plate_time_s: setup.map_or(0.0, |setup| rounded(setup.rig.now().secs())),
+        plate_time_s: setup.map_or(0.0, |setup| rounded(setup.now().secs())),
         wall_time_s: rounded(wall_time_s),
         work: WorkReport { laps, lost_parts: lost.len(), ..WorkReport::default() },
         parts: setup.map(parts_of).unwrap_or_default(),

@@ -22,7 +22,6 @@ pub struct InMemoryRun<'a> {
     job: &'a JobSpec,
     library: Arc<Library>,
     setup: RunSetup,
-    has_own_task: bool,
 }
 
 impl<'a> InMemoryRun<'a> {
@@ -37,16 +36,14 @@ impl<'a> InMemoryRun<'a> {
     /// A run of `job` with `library`. `Err` if the parts find no places.
     pub(super) fn with_library(job: &'a JobSpec, library: Arc<Library>) -> Result<Self, Diagnostic> {
         let setup = RunSetup::new(job, &library)?;
-        Ok(Self { job, library, setup, has_own_task: false })
+        Ok(Self { job, library, setup })
     }
 
     /// Replaces the task of the job by `task`, which receives the parts in the order of the job and ends the run by
     /// [`done`](upm_planning::task::Setpoints::done). The report then has no verdict, which would be about the
     /// job's task.
     pub fn with_task(mut self, task: impl Task + 'static) -> Self {
-        self.setup.task = Box::new(task);
-        self.setup.params.endless = false;
-        self.has_own_task = true;
+        self.setup.take_task(Box::new(task));
         self
     }
 
@@ -89,8 +86,9 @@ impl<'a> InMemoryRun<'a> {
             return Err(Diagnostic::new(&self.job.file, "faults", found, "none on a rig of the caller's").into());
         }
         let play = |setup: &mut RunSetup<R>, library: &_, sink: &mut Fanout<'_>| {
-            let (RunSetup { rig, model, task, params, .. }, never) = (setup, AtomicBool::new(false));
-            let devices = RunIo { rig, model, sink, clock: &StoppedClock, stop: &never, give_way: &never };
+            let (RunSetup { rig, model, task, params, own_planner, .. }, never) = (setup, AtomicBool::new(false));
+            let planner = own_planner.take();
+            let devices = RunIo { rig, model, sink, clock: &StoppedClock, stop: &never, give_way: &never, planner };
             control::run(devices, library, task.as_mut(), params)
         };
         Ok(self.finish(make, play, &mut Fanout::default()))
@@ -102,13 +100,13 @@ impl<'a> InMemoryRun<'a> {
         play: impl FnOnce(&mut RunSetup<R>, &Arc<Library>, &mut Fanout<'_>) -> FinalState,
         watcher: &mut dyn Sink,
     ) -> (Report, R) {
-        let Self { job, library, setup, has_own_task } = self;
+        let Self { job, library, setup } = self;
         let mut setup = setup.with_rig(make);
         let (mut named, mut stats) = (TruthInJobOrder(setup.truth.clone()), RunStats::new(Some(setup.truth.clone())));
         let mut sinks = Fanout { sinks: vec![&mut named, &mut stats, watcher], after_frame: None };
         let finish = play(&mut setup, &library, &mut sinks);
         let mut report = stats.report(ending(job, Some(&setup), finish, 0.0));
-        report.verdict = if has_own_task { None } else { verdict(job, &report) };
+        report.verdict = if setup.has_own_task { None } else { verdict(job, &report) };
         (report, setup.rig)
     }
 }

@@ -111,7 +111,8 @@ mod tests {
             let mut sink = Corrections::default();
             let no = AtomicBool::new(false);
             let clock = MonotonicClock::new();
-            let io = RunIo { rig: &mut rig, model: &model, sink: &mut sink, clock: &clock, stop: &no, give_way: &no };
+            let (rig, sink, clock) = (&mut rig, &mut sink, &clock);
+            let io = RunIo { rig, model: &model, sink, clock, stop: &no, give_way: &no, planner: None };
             let end = upm_control::run(io, &library, task.as_mut(), &params);
             assert_eq!(end.ending.outcome, Outcome::Completed, "seed {seed}: {}", end.ending.reason);
             let truth = truth.read();

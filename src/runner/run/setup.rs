@@ -3,12 +3,14 @@ use std::sync::Arc;
 use super::knocks;
 use super::planner_selection::PlannerSelection;
 use crate::config::{Assignment, Diagnostic, JobSpec, PlacedPart, REST_GAP_M, REST_MARGIN_M, TaskSpec, place_parts};
-use upm_control::{ControlParams, ExpectedPart, Guards, LocalisedFacts, Sink};
+use upm_control::{ControlParams, ExpectedPart, Guards, LocalisedFacts, OwnPlanner, Sink};
+use upm_core::document::counted;
 use upm_core::geometry::{Pose, Vec2};
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::job::CameraMode;
 use upm_core::random::Streams;
 use upm_core::rig::{PartKind, Rig, RigModel};
+use upm_core::time::PlateTime;
 use upm_planning::cor_library::{Entry, Library};
 use upm_planning::planner::{FlowEffort, PlannerParams, PlanningMethod, RotationPlanner};
 use upm_planning::task::{
@@ -52,6 +54,23 @@ pub struct RunSetup<R = SimRig> {
     pub faults: Vec<FaultSpec>,
     /// Random streams of the run.
     pub streams: Streams,
+    /// True where the caller brings the task.
+    pub(super) has_own_task: bool,
+    pub(super) own_planner: Option<Box<dyn OwnPlanner>>,
+    /// The caller's rig, in the place of the simulated one, which stays at rest.
+    pub(super) own_rig: Option<Box<dyn Rig>>,
+}
+
+/// Task, planner or rig of a caller's, in the place of a job's own.
+#[derive(Default)]
+pub struct OwnParts {
+    /// Receives the parts in the order of the job, and ends the run by
+    /// [`done`](upm_planning::task::Setpoints::done).
+    pub task: Option<Box<dyn Task>>,
+    /// Plans pulses from rest to rest.
+    pub planner: Option<Box<dyn OwnPlanner>>,
+    /// Takes the place of the simulated rig. Nothing is known of its truth.
+    pub rig: Option<Box<dyn Rig>>,
 }
 
 impl RunSetup {
@@ -84,18 +103,92 @@ impl RunSetup {
         let knocks = job.rig.document.simulation.knocks.iter();
         let knocks = knocks.flat_map(|knocks| knocks::drawn(knocks, job.plate_time_limit_s, &streams));
         let faults = job.faults.iter().copied().chain(knocks).collect();
-        Ok(Self { truth: rig.probe(), rig, model, planner, task, params, placed, faults, streams })
+        Ok(Self {
+            truth: rig.probe(),
+            rig,
+            model,
+            planner,
+            task,
+            params,
+            placed,
+            faults,
+            streams,
+            has_own_task: false,
+            own_planner: None,
+            own_rig: None,
+        })
     }
 
     /// The same setup with the rig that `make` returns for the simulated one, and a planner for it.
     pub fn with_rig<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> RunSetup<R> {
-        let Self { rig, truth, model, mut planner, task, mut params, placed, faults, streams } = self;
+        let Self { rig, truth, model, mut planner, task, mut params, placed, faults, streams, .. } = self;
+        let Self { has_own_task, own_planner, own_rig, .. } = self;
         let rig = make(rig);
         if !rig.takes_over() {
             planner.fall_back();
             params.method = planner.method;
         }
-        RunSetup { rig, truth, model, planner, task, params, placed, faults, streams }
+        RunSetup {
+            rig,
+            truth,
+            model,
+            planner,
+            task,
+            params,
+            placed,
+            faults,
+            streams,
+            has_own_task,
+            own_planner,
+            own_rig,
+        }
+    }
+
+    /// Replaces the task by the caller's.
+    pub(super) fn take_task(&mut self, task: Box<dyn Task>) {
+        (self.task, self.has_own_task, self.params.endless) = (task, true, false);
+    }
+
+    /// The same setup with what the caller brings.
+    ///
+    /// # Errors
+    /// A job with faults on a rig of the caller's, since only the simulated rig has them.
+    pub fn with_own(mut self, job: &JobSpec, OwnParts { task, planner, rig }: OwnParts) -> Result<Self, Diagnostic> {
+        if rig.is_some() && !self.faults.is_empty() {
+            let found = counted(self.faults.len(), "fault");
+            return Err(Diagnostic::new(&job.file, "faults", found, "none on a rig of the caller's"));
+        }
+        if planner.is_some() || rig.as_ref().is_some_and(|rig| !rig.takes_over()) {
+            self.planner.fall_back();
+            self.params.method = self.planner.method;
+        }
+        task.into_iter().for_each(|task| self.take_task(task));
+        Ok(Self { own_planner: planner, own_rig: rig, ..self })
+    }
+
+    /// For people: each thing that the caller brings.
+    pub(super) fn owned(&self) -> Vec<String> {
+        let own =
+            [(self.has_own_task, "task"), (self.own_planner.is_some(), "planner"), (self.own_rig.is_some(), "rig")];
+        let own = own.into_iter().filter(|(is_own, _)| *is_own);
+        own.map(|(_, what)| format!("the {what} is the caller's own: verify cannot repeat this run")).collect()
+    }
+}
+
+impl<R: Rig> RunSetup<R> {
+    /// Plate time of the rig that control drives.
+    pub(super) fn now(&self) -> PlateTime {
+        self.own_rig.as_ref().map_or_else(|| self.rig.now(), |own| own.now())
+    }
+
+    /// True where a verdict by the truth can be given.
+    pub(super) fn is_judged(&self) -> bool {
+        !self.has_own_task && self.own_rig.is_none()
+    }
+
+    /// Truth of the run; `None` on a rig of the caller's.
+    pub(super) fn known_truth(&self) -> Option<GroundTruthHandle> {
+        self.own_rig.is_none().then(|| self.truth.clone())
     }
 }
 

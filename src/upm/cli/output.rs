@@ -1,5 +1,6 @@
 //! Output and exit of commands: lines on stdout and stderr, failures, exit statuses, Ctrl-C.
 
+use std::cell::RefCell;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
@@ -91,8 +92,40 @@ pub(super) fn check_ending(option: &str, file: &Path, endings: &[&str]) -> Resul
 /// True once the reader of stdout has gone.
 static READER_LEFT: AtomicBool = AtomicBool::new(false);
 
+/// The output of a command on this thread, and the flag that ends it, where a caller of the library takes both.
+#[derive(Default)]
+pub(super) struct Captured {
+    pub document: String,
+    pub errors: Vec<String>,
+    stop: Arc<AtomicBool>,
+}
+
+thread_local!(static CAPTURED: RefCell<Option<Captured>> = const { RefCell::new(None) });
+
+/// Runs `command` without stdout, stderr and Ctrl-C; returns what it printed.
+pub(super) fn captured<T>(stop: &Arc<AtomicBool>, command: impl FnOnce() -> T) -> Captured {
+    CAPTURED.set(Some(Captured { stop: Arc::clone(stop), ..Captured::default() }));
+    command();
+    CAPTURED.take().unwrap_or_default()
+}
+
+/// The result of `use_it` on the captured output; `None` where none is captured.
+fn with_captured<T>(use_it: impl FnOnce(&mut Captured) -> T) -> Option<T> {
+    CAPTURED.with_borrow_mut(|captured| captured.as_mut().map(use_it))
+}
+
+/// Writes a line to stderr, as far as that can be done.
+pub(super) fn put_error(text: std::fmt::Arguments<'_>) {
+    if with_captured(|captured| captured.errors.push(text.to_string())).is_none() {
+        writeln!(std::io::stderr(), "{text}").ok();
+    }
+}
+
 /// Writes a line to stdout. A reader that has gone is no failure: a command with an end goes on to it.
 pub(super) fn put(text: std::fmt::Arguments<'_>) -> Result<(), Failure> {
+    if with_captured(|captured| captured.document.push_str(&format!("{text}\n"))).is_some() {
+        return Ok(());
+    }
     let mut out = std::io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => {
@@ -127,6 +160,9 @@ pub(super) fn print(
 
 /// Flag that Ctrl-C sets; a second Ctrl-C ends the process at once.
 pub(super) fn stop_on_interrupt() -> Arc<AtomicBool> {
+    if let Some(stop) = with_captured(|captured| Arc::clone(&captured.stop)) {
+        return stop;
+    }
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     signals::attend(signals::ending(), move || {

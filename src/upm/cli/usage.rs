@@ -3,7 +3,6 @@
 use std::error::Error as _;
 use std::net::AddrParseError;
 use std::num::{ParseFloatError, ParseIntError};
-use std::process::ExitCode;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, Error};
@@ -14,16 +13,17 @@ use super::output::BAD_INPUT;
 use upm_runner::config::nearest;
 
 /// Prints help or version if requested, else one line about the fault of the command line.
-pub(super) fn answer(error: &Error) -> ExitCode {
+pub(super) fn answer(error: &Error) -> u8 {
     if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         error.print().ok();
-        return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(BAD_INPUT));
+        return u8::try_from(error.exit_code()).unwrap_or(BAD_INPUT);
     }
     errln!("upm: {}", line(error));
-    ExitCode::from(BAD_INPUT)
+    BAD_INPUT
 }
 
-fn line(error: &Error) -> String {
+/// The fault of a command line, in one line.
+pub(super) fn line(error: &Error) -> String {
     let command = command_of(error);
     let help = format!("see `{command} --help`");
     let argument = first(error, ContextKind::InvalidArg);

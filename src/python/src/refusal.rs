@@ -1,0 +1,12 @@
+//! Refusals as exceptions.
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+pyo3::create_exception!(upm, UpmError, PyValueError, "A refusal, in the words of the command line, a line each.");
+
+/// The exception of a refusal.
+pub fn refusal(lines: Vec<String>) -> PyErr {
+    let lines: Vec<&str> = lines.iter().map(|line| line.strip_prefix("upm: ").unwrap_or(line)).collect();
+    UpmError::new_err(lines.join("\n"))
+}
