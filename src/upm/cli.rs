@@ -15,6 +15,7 @@ macro_rules! errln {
 
 mod args;
 mod batch;
+mod benchmark;
 mod calibrate;
 mod check;
 #[cfg(feature = "daemon")]
@@ -118,6 +119,7 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Locate(args) => locate::locate(&args, common),
         Command::Simulate(args) => simulate::simulate(&args, common),
         Command::Replay(args) => replay::replay(&args),
+        Command::Benchmark(args) => benchmark::benchmark(&args, common),
         Command::Verify(args) => verify::verify(&args, common),
         Command::Export(args) => export::export(&args, common),
         #[cfg(feature = "daemon")]

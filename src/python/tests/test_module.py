@@ -5,11 +5,14 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import upm
+
+ROOT = Path(__file__).parents[3]
 
 
 def journal(report):
@@ -193,3 +196,18 @@ def test_ten_thousand_refusals_leak_nothing():
     before = resident_kb()
     refuse(9000)
     assert resident_kb() - before < 8_000
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/python.md"])
+def test_lines_of_the_pages_run_as_typed(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    blocks = (ROOT / page).read_text(encoding="utf-8").split("```python\n")[1:]
+    assert blocks
+    for block in blocks:
+        exec(block.split("```")[0], {})
+
+
+@pytest.mark.parametrize("example", sorted((ROOT / "examples/python").glob("*.py")), ids=lambda path: path.stem)
+def test_examples_complete(example, tmp_path):
+    done = subprocess.run([sys.executable, example], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0 and "completed" in done.stdout, done.stderr

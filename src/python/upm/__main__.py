@@ -5,7 +5,7 @@ import sys
 from upm._upm import main as _main
 
 
-def main():
+def main() -> int:
     """Runs the command line and returns its exit status."""
     return _main(["upm", *sys.argv[1:]])
 

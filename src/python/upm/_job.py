@@ -3,6 +3,7 @@
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 from upm._shipped import shipped
 from upm._upm import Job as _Job
@@ -19,7 +20,13 @@ class Job:
     Raises `UpmError` with every fault, one a line: file, JSON path, what is allowed, what was found.
     """
 
-    def __init__(self, source=None, *, folder=None, **keys):
+    def __init__(
+        self,
+        source: str | os.PathLike[str] | dict[str, Any] | None = None,
+        *,
+        folder: str | os.PathLike[str] | None = None,
+        **keys: Any,
+    ) -> None:
         name, text, beside = _read(source)
         if keys or not isinstance(text, str):
             document = json.loads(text) if isinstance(text, str) else dict(text)
@@ -33,16 +40,16 @@ class Job:
         return made
 
     @property
-    def name(self):
+    def name(self) -> str:
         """Name of the job."""
         return self._job.name
 
     @property
-    def seed(self):
+    def seed(self) -> int:
         """Seed of all random numbers."""
         return self._job.seed
 
-    def to_dict(self):
+    def to_dict(self) -> dict[str, Any]:
         """The job with its rig and all defaults written out."""
         return json.loads(self._job.effective())
 

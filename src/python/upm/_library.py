@@ -1,9 +1,11 @@
 """Libraries: what a rig was measured to do."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from upm._answer import answer
 
@@ -16,7 +18,7 @@ class Library:
     translations. `document` is all of the file.
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str | os.PathLike[str]) -> None:
         self._take(json.loads(Path(path).read_text(encoding="utf-8")))
 
     @classmethod
@@ -35,11 +37,22 @@ class Library:
         with np.errstate(divide="ignore", invalid="ignore"):
             self.centers_mm = self.velocities_mmps[:, ::-1] * [-1, 1] / self.spins_radps[:, None]
 
+    def range_mm(self, speed_mmps: NDArray | float) -> tuple[NDArray, NDArray]:
+        """Shortest and longest distance of one pulse, mm, where the plate's speed has this amplitude."""
+        grid = self.document["displacement"]
+        speeds = np.append(0.0, grid["speed_mm_s"])
+        return tuple(
+            np.interp(speed_mmps, speeds, np.append(0.0, [row[column] for row in grid["distance_mm"]]))
+            for column in (0, -1)
+        )
+
     def __repr__(self):
         return f"Library of {self.document['rig']}, {len(self.spins_radps)} motions"
 
 
-def calibrate(rig, out, *, seed=1):
+def calibrate(
+    rig: str | os.PathLike[str], out: str | os.PathLike[str], *, seed: int = 1
+) -> Library:
     """Measures what the rig in the file `rig` can do, as `upm calibrate` does; writes its library to `out` and returns
     it.
     """

@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+from numpy.typing import NDArray
 
 from upm._job import Job
 from upm._upm import SimulatedPlate
@@ -49,33 +50,38 @@ class Rig:
     `accelerometer_count_limit` of the accelerometers. Time passes in `capture` alone.
     """
 
-    def now_s(self):
+    sample_hz: float
+    accelerometer_hz: float
+    accelerometer_mps2_per_count: float
+    accelerometer_count_limit: int
+
+    def now_s(self) -> float:
         """Plate time, s."""
         raise NotImplementedError
 
-    def play(self, samples, driven_s, rest_s):
+    def play(self, samples: NDArray[np.int16], driven_s: float, rest_s: float) -> None:
         """Starts to play `samples`, counts of the four coils, shape (n, 4), `int16`, and returns at once.
 
         They last `driven_s`; nothing else is played until `rest_s` after them.
         """
         raise NotImplementedError
 
-    def capture(self):
+    def capture(self) -> tuple[NDArray[np.uint8], int, float]:
         """Waits for the next exposure and returns its picture, shape (height, width), `uint8`; its number, which grows
         by one from exposure to exposure; and the time of the middle of the exposure, s.
         """
         raise NotImplementedError
 
-    def trace(self):
+    def trace(self) -> NDArray[np.int16]:
         """Counts of the four channels x1, y1, x2, y2 since the last pulse began, shape (n, 4), `int16`."""
         raise NotImplementedError
 
-    def stop(self):
+    def stop(self) -> None:
         """Silences the coils at once."""
         raise NotImplementedError
 
 
-def simulated_plate(job, *, seed=None):
+def simulated_plate(job: Job | str, *, seed: int | None = None) -> SimulatedPlate:
     """The simulated plate of a job with its parts at their start: it has what `Rig` has."""
     job = job if isinstance(job, Job) else Job(job)
     return SimulatedPlate(job._job if seed is None else job._job.with_seed(seed))

@@ -1,15 +1,18 @@
 """Parts in pictures."""
 
+import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from upm._answer import answer, options
 from upm._upm import UpmError
 
 
-def locate(image, **how):
+def locate(image: str | os.PathLike[str] | NDArray, **how: Any) -> dict[str, Any]:
     """Finds table and parts in a picture, as `upm locate` does, and returns what `upm locate --json` prints.
 
     `image` is a path, or an array of shape (height, width) or (height, width, 3), of `uint8` or `uint16`. Keyword

@@ -2,16 +2,30 @@
 
 import os
 import types
+from collections.abc import Callable, Sequence
 from datetime import datetime, timezone
+from typing import Any, Literal
+
+from numpy.typing import NDArray
 
 from upm._job import Job
 from upm._library import Library
-from upm._own import planned_by
+from upm._own import Motion, Rig, Rotation, planned_by
 from upm._report import Report
 from upm._upm import run as _run
 
 
-def run(job, *, seed=None, camera="pixels", faults=(), out="runs", task=None, planner=None, rig=None):
+def run(
+    job: Job | str | os.PathLike[str] | dict[str, Any],
+    *,
+    seed: int | None = None,
+    camera: Literal["pixels", "positions"] = "pixels",
+    faults: Sequence[str] = (),
+    out: str | os.PathLike[str] = "runs",
+    task: Callable[[float, NDArray], NDArray | None] | None = None,
+    planner: Callable[[NDArray, NDArray, Library], Sequence[Rotation | Motion]] | None = None,
+    rig: Rig | None = None,
+) -> Report:
     """Runs a job closed loop on its simulated rig, as `upm run` does, and returns its `Report`.
 
     `job` is a `Job` or what makes one. `camera="positions"` leaves out pixels: the parts' measured places take their

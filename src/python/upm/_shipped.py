@@ -9,7 +9,7 @@ from upm._upm import shipped_files
 
 
 @functools.cache
-def shipped():
+def shipped() -> Path:
     """Folder with the shipped files, `configs/` and `assets/`: `upm.shipped() / "configs/arrange-8.json"`.
 
     They are written once into the user's cache, and again where their texts differ from this version's.

@@ -1,14 +1,16 @@
 """Open loop."""
 
 import json
+import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from upm._answer import answer
 from upm._shipped import shipped
 
 
-def simulate(experiment):
+def simulate(experiment: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:
     """Plays given pulses on given parts, as `upm simulate` does, and returns the true trajectories it prints.
 
     `experiment` is a path or a mapping with the keys of an experiment file (`upm schema simulate`); files that a

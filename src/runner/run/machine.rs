@@ -17,15 +17,31 @@ const TARGET: [&str; 2] = [
 /// Bytes at the end of a program in which each build has its own: names of functions and sizes of sections.
 const END_BYTES: i64 = 1 << 18;
 
-/// Hash of the end of this program's file.
+/// Hash of the end of the file that this code is in: the program, or a module that another program has loaded.
 static BUILD: LazyLock<u64> = LazyLock::new(|| {
     let (mut end, mut hasher) = (Vec::new(), DefaultHasher::new());
     let read = |mut file: fs::File| file.seek(SeekFrom::End(-END_BYTES)).and_then(|_| file.read_to_end(&mut end));
     // without the file all builds are alike
-    fs::File::open("/proc/self/exe").and_then(read).ok();
+    own_file().and_then(|path| fs::File::open(path).and_then(read).ok());
     hasher.write(&end);
     hasher.finish()
 });
+
+/// The file from which the code at this function was loaded.
+fn own_file() -> Option<String> {
+    let (address, maps) = (own_file as fn() -> Option<String> as usize, fs::read_to_string("/proc/self/maps").ok()?);
+    let is_here = |line: &&str| {
+        let range = line.split(' ').next().and_then(|range| range.split_once('-'));
+        let [from, to] =
+            range.map_or([0, 0], |(from, to)| [from, to].map(|at| usize::from_str_radix(at, 16).unwrap_or(0)));
+        (from..to).contains(&address)
+    };
+    let line = maps.lines().find(is_here)?;
+    let (path, program) = (&line[line.find('/')?..], "/proc/self/exe");
+    // the program's own name may be another file's by now
+    let is_program = fs::read_link(program).is_ok_and(|link| link == Path::new(path));
+    Some(if is_program { program } else { path }.to_owned())
+}
 
 /// This program and its machine.
 pub fn maker() -> String {

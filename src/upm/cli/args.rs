@@ -9,7 +9,7 @@ use super::batch::Seeds;
 #[cfg(feature = "daemon")]
 use super::client_args::ClientCommand;
 use super::features::{HELP, VERSION};
-use super::run_args::{ExportArgs, JobChanges, RunFolderArgs, pace};
+use super::run_args::{BenchmarkArgs, ExportArgs, JobChanges, RunFolderArgs, pace};
 use upm_core::job::{CameraMode, Pace};
 use upm_recording::RerunMode;
 use upm_runner::config::schema_names;
@@ -61,6 +61,8 @@ pub enum Command {
     Replay(RunFolderArgs),
     /// Run a job again from its run folder alone and compare the journals byte for byte
     Verify(RunFolderArgs),
+    /// Run standard tasks without pixels and print a row of figures for each run, or repeat such rows
+    Benchmark(BenchmarkArgs),
     /// Write a run as tables: positions, targets, pulses, timings
     Export(ExportArgs),
     /// The daemon: jobs over HTTP, several plates, an operator page

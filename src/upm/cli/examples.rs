@@ -5,7 +5,7 @@ use clap::{Command, CommandFactory};
 use super::args::Cli;
 
 /// Commands with their examples; a build without the daemon lacks some of them.
-const EXAMPLES: [(&str, &[&str]); 23] = [
+const EXAMPLES: [(&str, &[&str]); 24] = [
     ("init", &["upm init", "upm init upm-jobs --force"]),
     ("run", &["upm run configs/letters-16.json --movie letters.gif", "upm run configs/sort-8.json --seeds 1..20"]),
     ("calibrate", &["upm calibrate --rig configs/rigs/upm-2.json --out library.json"]),
@@ -14,6 +14,7 @@ const EXAMPLES: [(&str, &[&str]); 23] = [
     ("simulate", &["upm simulate configs/simulate/rotation.json --json"]),
     ("replay", &["upm replay last"]),
     ("verify", &["upm verify last", "upm verify arrange-4 --out runs"]),
+    ("benchmark", &["upm benchmark arrange-8 --seeds 1..5 > rows.jsonl", "upm benchmark --check rows.jsonl"]),
     ("export", &["upm export last --csv", "upm export last --parquet --to tables"]),
     ("serve", &["upm serve", "upm serve --config configs/daemon.json --check"]),
     ("submit", &["upm submit job.json --plate upm-2 --watch"]),

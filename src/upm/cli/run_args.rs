@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
+use super::batch::Seeds;
 use upm_core::job::Pace;
 
 /// Changes of a job for one run.
@@ -56,4 +57,21 @@ pub struct ExportArgs {
 pub(super) fn pace() -> impl TypedValueParser<Value = Pace> {
     PossibleValuesParser::new([Pace::Max, Pace::RealTime].map(Pace::code))
         .map(|name| Pace::of_code(&name).unwrap_or_default())
+}
+
+/// `upm benchmark`.
+#[derive(Args, Debug)]
+pub struct BenchmarkArgs {
+    /// Tasks, all of them where none is named; a wrong name lists them
+    #[arg(value_name = "TASK")]
+    pub tasks: Vec<String>,
+    /// Seeds of each task
+    #[arg(long, default_value = "1..3")]
+    pub seeds: Seeds,
+    /// Planner in place of the jobs'
+    #[arg(long, value_name = "NAME")]
+    pub planner: Option<String>,
+    /// Run the rows of this file again, and compare their jobs and journals
+    #[arg(long, value_name = "ROWS.jsonl", conflicts_with_all = ["tasks", "seeds", "planner"])]
+    pub check: Option<PathBuf>,
 }
