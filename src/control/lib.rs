@@ -28,6 +28,7 @@ pub use found::{Found, Reason};
 pub use guards::Guards;
 pub use params::ControlParams;
 pub use perception::ExpectedPart;
+pub use planning::fallbacks;
 pub use run_end::RunEnd;
 pub use run_io::RunIo;
 pub use upm_core::job::EventLevel;
