@@ -28,6 +28,7 @@ pub use found::{Found, Reason};
 pub use guards::Guards;
 pub use params::ControlParams;
 pub use perception::ExpectedPart;
+pub use planning::fallbacks;
 pub use pulse_planner::OwnPlanner;
 pub use run_end::RunEnd;
 pub use run_io::RunIo;

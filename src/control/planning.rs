@@ -126,7 +126,7 @@ impl<'a> Planning<'a> {
 
 /// The attempts at a plan in order of preference: the parts with the steps to try, and whether these are a share of the
 /// wanted steps only. Without smaller steps of all parts for a planner that tries them itself.
-fn fallbacks(whole: &[PartState], tries_smaller: bool) -> impl Iterator<Item = (Vec<PartState>, bool)> + '_ {
+pub fn fallbacks(whole: &[PartState], tries_smaller: bool) -> impl Iterator<Item = (Vec<PartState>, bool)> + '_ {
     let fractions = if tries_smaller { &FRACTIONS[..1] } else { &FRACTIONS };
     let together = fractions.iter().map(|&part| {
         let shorter = whole.iter().map(|state| PartState { step_m: part * state.step_m, ..*state });

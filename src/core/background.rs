@@ -3,7 +3,7 @@
 use std::fmt;
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
@@ -149,18 +149,30 @@ pub fn on_all_cores<T: Sync, R: Send>(
     progress: &(dyn Fn(f64) + Sync),
     work: impl Fn(&T) -> R + Sync,
 ) -> Vec<R> {
-    let threads = thread::available_parallelism().map_or(1, |cores| cores.get()).min(items.len().max(1));
-    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::with_capacity(items.len())));
-    let take_turns = || {
-        while let Some((index, item)) = items.iter().enumerate().nth(next.fetch_add(1, Ordering::Relaxed)) {
-            let result = work(item);
-            let mut done = done.lock();
-            done.push((index, result));
-            progress(done.len() as f64 / items.len() as f64);
-        }
+    on_threads(0, items.iter(), progress, work)
+}
+
+/// As [`on_all_cores`], for items that are handed over, on up to `threads` threads; 0 is one for each core that the
+/// process may use.
+pub fn on_threads<I: Send, R: Send>(
+    threads: usize,
+    items: impl ExactSizeIterator<Item = I> + Send,
+    progress: &(dyn Fn(f64) + Sync),
+    work: impl Fn(I) -> R + Sync,
+) -> Vec<R> {
+    let all = items.len();
+    let threads = if threads > 0 { threads } else { thread::available_parallelism().map_or(1, |cores| cores.get()) };
+    let (waiting, done) = (Mutex::new(items.enumerate()), Mutex::new(Vec::with_capacity(all)));
+    let take_turns = || loop {
+        let Some((index, item)) = waiting.lock().next() else { break };
+        let result = work(item);
+        let mut done = done.lock();
+        done.push((index, result));
+        progress(done.len() as f64 / all as f64);
     };
     thread::scope(|scope| {
-        for _ in 1..threads {
+        // short work is over before many threads have begun
+        for _ in (1..threads.min(all)).take_while(|_| waiting.lock().len() > 0) {
             scope.spawn(take_turns);
         }
         take_turns();

@@ -54,6 +54,7 @@ pub use job::JobSpec;
 pub use job_file::{Assignment, DeadlinePolicy, JobFile, LibraryRef, PlannerChoice};
 pub use kinds::{KindSpec, PartGroup};
 pub use layout::JobLayout;
+pub(crate) use placement::free_place;
 pub use placement::{PlacedPart, place_parts};
 pub(crate) use planner_checks::moving_obstacle;
 pub use read::{Origin, is_plain_name};

@@ -74,6 +74,7 @@ pub use paced::PacingStats;
 pub use path_warnings::job_warnings;
 pub use planner_selection::PlannerSelection;
 pub use setup::{OwnParts, RunSetup, TruthInJobOrder, planner_params};
+pub(crate) use setup::{simulated_rig, task};
 pub use simulate::{FirstFrame, TruePart, check_simulate, first_frame, simulate};
 pub use upm_planning::planner::Reach;
 pub use upm_sim::OpenLoopTrajectories;

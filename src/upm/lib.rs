@@ -15,6 +15,7 @@
 //! | plan motions for many parts | [`planner`]: `FieldPlanner`, `RotationPlanner` |
 //! | look up what a plate was measured to do | [`cor_library`]: `Library` |
 //! | say where parts should go | [`task`]: the trait `Task`, and the tasks of job files |
+//! | step plates for learning | [`episode`]: `EpisodeParams`, `Episode`, `Episodes` |
 //! | close the loop over any rig | [`control`]: `run`, the trait `Sink` |
 //! | stand in for a rig | [`rig`]: the trait `Rig`; [`sim`]: `SimRig`; [`ground_truth`]: `GroundTruthHandle` |
 //! | keep a run | [`recording`]: `Journal`, `RunStats`, `Report`; [`viewer`]: recordings for Rerun |
@@ -60,7 +61,7 @@ pub use upm_planning::cor_library;
 pub use upm_planning::planner;
 pub use upm_planning::task;
 pub use upm_recording as recording;
-pub use upm_runner::{config, run};
+pub use upm_runner::{config, episode, run};
 #[cfg(feature = "daemon")]
 pub use upm_server::{api, daemon, http, states};
 pub use upm_sim as sim;

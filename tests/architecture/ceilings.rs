@@ -7,15 +7,17 @@ use super::rules::Source;
 /// Most lines of code outside tests in a crate: raised only by the budget of an issue, lowered when the crate shrinks.
 const CEILINGS: [(&str, usize); 15] = [
     ("chart", 786),
-    ("control", 4200), // 54 of issue 48's budget, and 30 of issue 49's: planners of a caller
-    ("core", 2610),    // 45 of issue 48's budget, 5 of issue 49's
+    ("control", 4205), // 54 of issue 48's budget, and 30 of issue 49's: planners of a caller
+    ("core", 2618),    // 45 of issue 48's budget, 13 of issue 49's: threads for items that are handed over, samples
     ("fixtures", 336),
     ("lab", 6188),
     ("perception", 4820),
-    ("planning", 7690), // 30 of issue 48's budget: room for named parts
-    ("python", 430),    // all of issue 49's budget
+    ("planning", 7750), // 30 of issue 48's budget: room for named parts; 60 of issue 49's: pulses as actions
+    ("python", 535),    // all of issue 49's budget
     ("recording", 1308),
-    ("runner", 5435), // 433 of issue 48's budget, 99 of issue 49's: what a caller brings in the place of a job's own
+    // 433 of issue 48's budget: rigs by reference, warnings, paths, parts by name, verdict of dry runs; 640 of issue
+    // 49's: plates that learners step, what a caller brings in the place of a job's own
+    ("runner", 5976),
     ("scene", 869),
     ("server", 4601), // 11 of issue 48's budget
     ("sim", 3470),

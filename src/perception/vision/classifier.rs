@@ -46,12 +46,12 @@ impl PartClassifier {
         let found = positions.discs.iter().filter_map(|disc| {
             let kind = self.nearest_kind(disc.radius_m)?;
             let seen_m = table.table_from_image(disc.center_px);
-            let (shift_m, growth) = table.parallax(seen_m, self.kinds.get(kind)?.thickness_m);
+            let thickness_m = self.kinds.get(kind)?.thickness_m;
             Some(Detection {
                 kind,
                 center_px: disc.center_px,
-                radius_px: disc.radius_m * (1.0 + growth) * table.px_per_m_at(seen_m),
-                position_m: seen_m - shift_m / (1.0 + growth),
+                radius_px: disc.radius_m * (1.0 + table.parallax(seen_m, thickness_m).1) * table.px_per_m_at(seen_m),
+                position_m: table.part_in_table(disc.center_px, thickness_m),
                 score: 1.0,
                 covariance_px2: Matrix2::from_diagonal_element(disc.sd_px.powi(2)),
             })

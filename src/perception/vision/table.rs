@@ -151,6 +151,13 @@ impl Table {
         ((p_m - self.camera_in_table_m.xy()) * growth, growth)
     }
 
+    /// Centre of a part that is `thickness_m` high and whose outline is centred at `center_px`, m.
+    pub fn part_in_table(&self, center_px: Vec2, thickness_m: f64) -> Vec2 {
+        let seen_m = self.table_from_image(center_px);
+        let (shift_m, growth) = self.parallax(seen_m, thickness_m);
+        seen_m - shift_m / (1.0 + growth)
+    }
+
     /// True when `p_m` is on the plate, `margin_m` or more inside its edge.
     pub fn holds(&self, p_m: Vec2, margin_m: f64) -> bool {
         let half_m = self.side_m / 2.0;

@@ -14,6 +14,7 @@ mod motion_set;
 mod planner;
 mod refine;
 mod rollout;
+mod single;
 mod stride;
 mod subgoals;
 

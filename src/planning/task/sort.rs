@@ -24,7 +24,7 @@ pub struct BinParams {
 
 impl BinParams {
     /// Gap between a part's rim and the nearest side, m; negative where the part is not inside.
-    fn inside_m(&self, center_m: Vec2, radius_m: f64) -> f64 {
+    pub fn inside_m(&self, center_m: Vec2, radius_m: f64) -> f64 {
         (center_m - self.min_m).min().min((self.max_m - center_m).min()) - radius_m
     }
 

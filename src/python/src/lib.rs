@@ -2,6 +2,7 @@
 
 mod job;
 mod own;
+mod plates;
 mod refusal;
 mod run;
 mod waiting;
@@ -19,6 +20,8 @@ mod upm_module {
     use super::job::Job;
     #[pymodule_export]
     use super::own::SimulatedPlate;
+    #[pymodule_export]
+    use super::plates::Plates;
     #[pymodule_export]
     use super::refusal::UpmError;
     #[pymodule_export]

@@ -66,17 +66,28 @@ fn scatter(parts: &[(PlacedPart, Option<Vec2>)], half_m: f64, rng: &mut Rng) -> 
     let mut places_m: Vec<Option<Vec2>> = parts.iter().map(|(_, given_m)| *given_m).collect();
     for i in 0..parts.len() {
         if places_m[i].is_none() {
-            let radius_m = parts[i].0.params.radius_m;
-            let reach_m = half_m - START_MARGIN_M - radius_m;
-            let side = Uniform::new_inclusive(-reach_m, reach_m).ok()?;
-            let free = |p_m: &Vec2| {
-                places_m.iter().zip(parts).all(|(other_m, (other, _))| {
-                    other_m.is_none_or(|o_m| (p_m - o_m).norm() >= radius_m + other.params.radius_m + START_GAP_M)
-                })
-            };
-            let place_m = (0..TRIES).map(|_| Vec2::new(side.sample(rng), side.sample(rng))).find(free)?;
-            places_m[i] = Some(place_m);
+            let others = places_m.iter().zip(parts);
+            let others = others.filter_map(|(place_m, (other, _))| Some(((*place_m)?, other.params.radius_m)));
+            places_m[i] = Some(free_place(parts[i].0.params.radius_m, others, half_m, rng)?);
         }
     }
     places_m.into_iter().collect()
+}
+
+/// A random place for a disc, its rim [`START_MARGIN_M`] inside the edge and [`START_GAP_M`] from those of the `others`
+/// (centre and radius, m); `None` where none is found.
+pub(crate) fn free_place(
+    radius_m: f64,
+    others: impl Iterator<Item = (Vec2, f64)> + Clone,
+    half_m: f64,
+    rng: &mut Rng,
+) -> Option<Vec2> {
+    let reach_m = half_m - START_MARGIN_M - radius_m;
+    let side = Uniform::new_inclusive(-reach_m, reach_m).ok()?;
+    let free = |p_m: &Vec2| {
+        others
+            .clone()
+            .all(|(other_m, other_radius_m)| (p_m - other_m).norm() >= radius_m + other_radius_m + START_GAP_M)
+    };
+    (0..TRIES).map(|_| Vec2::new(side.sample(rng), side.sample(rng))).find(free)
 }

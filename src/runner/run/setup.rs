@@ -199,7 +199,7 @@ fn lost_after_frames(frame_hz: f64) -> u32 {
 }
 
 /// The simulated rig of a job with its parts at their start.
-pub(super) fn simulated_rig(job: &JobSpec) -> Result<(SimRig, Vec<PlacedPart>), Diagnostic> {
+pub(crate) fn simulated_rig(job: &JobSpec) -> Result<(SimRig, Vec<PlacedPart>), Diagnostic> {
     let streams = Streams::new(job.seed());
     let placed = place_parts(job, streams)?;
     let poses = placed.iter().map(|part| (part.params, Pose::at(part.position_m)));
@@ -249,20 +249,21 @@ fn each_task(job: &JobSpec, library: &Arc<Library>, placed: &[PlacedPart], metho
     let in_round = job.earlier.len() + 1;
     let of = Some(in_round * job.repeat as usize).filter(|of| *of > 0);
     let (job, library, placed) = (job.clone(), library.clone(), placed.to_vec());
-    let at = move |index: usize| {
+    let at = move |index: usize| -> Box<dyn Task> {
         let spec = job.earlier.get(index % in_round).unwrap_or(&job.task);
         task(&job, spec, &library, &placed, method)
     };
     Box::new(Sequence::new(of, Box::new(at)))
 }
 
-fn task(
+/// The task `spec` for the parts of `job`.
+pub(crate) fn task(
     job: &JobSpec,
     spec: &TaskSpec,
     library: &Library,
     placed: &[PlacedPart],
     method: PlanningMethod,
-) -> Box<dyn Task> {
+) -> Box<dyn Task + Send> {
     let half_side_m = 0.5 * job.rig.model.plate_side_m;
     let arrive_m = MEASURED_SHARE * job.tolerance_m;
     let scene = |motions: Motions| PlateScene { half_side_m, motions, discs: discs(placed) };

@@ -11,6 +11,10 @@ use upm_core::signal::{Envelope, Follows, MOTORS};
 /// highest harmonic; between two samples it rises by half a percent at most.
 const EFFORT: f64 = 0.99;
 
+/// Span of a coefficient, as counts over all motors together, relative to the limit of one. A motion with one
+/// coefficient at its span takes, root mean square, at least 1.06 of that limit at one of four motors.
+const SPAN: f64 = 3.0;
+
 /// Motor counts per m/s of every coefficient.
 #[derive(Clone, Debug)]
 pub(super) struct MotorEffort {
@@ -55,11 +59,21 @@ impl MotorEffort {
 
     /// Scales the motion to its share of the motors' limit.
     pub fn fill(&self, basis: &HarmonicBasis, coefficients: &mut [f64]) {
+        self.scale(basis, coefficients, f64::INFINITY);
+    }
+
+    /// Scales the motion to its share of the motors' limit, by `most` at most.
+    pub fn scale(&self, basis: &HarmonicBasis, coefficients: &mut [f64], most: f64) {
         let peak = self.peak_counts(basis, coefficients);
         if peak > 0.0 {
-            let scale = EFFORT * self.limit_counts / peak;
+            let scale = (EFFORT * self.limit_counts / peak).min(most);
             coefficients.iter_mut().for_each(|c| *c *= scale);
         }
+    }
+
+    /// For each coefficient the value that alone takes [`SPAN`] times the motors' limit, m/s.
+    pub fn spans(&self) -> impl Iterator<Item = f64> + Clone {
+        self.weights.iter().map(|weight| SPAN * self.limit_counts / weight.sqrt())
     }
 
     /// Largest sample of any motor in a pulse, its flanks included, counts.

@@ -177,6 +177,29 @@ impl FieldPlanner {
         ends_m
     }
 
+    /// Number of a motion's coefficients.
+    pub fn coefficients(&self) -> usize {
+        self.model.basis.len()
+    }
+
+    /// The pulse whose coefficients are these shares, -1 to 1, of their spans. A motion beyond the motors' limit, as
+    /// those with a share of 1 are, is scaled down to it.
+    pub fn pulse_of(&self, shares: &[f64], sustain_s: f64) -> FieldPulse {
+        let FieldModel { basis, effort, .. } = &*self.model;
+        let mut coefficients: Vec<f64> = effort.spans().zip(shares).map(|(span, share)| span * share).collect();
+        coefficients.resize(basis.len(), 0.0);
+        effort.scale(basis, &mut coefficients, 1.0);
+        FieldPulse { wave: basis.wave(&coefficients), follows: basis.follows, sustain_s }
+    }
+
+    /// The inverse of [`Self::pulse_of`] for a pulse at the motors' limit, as plans have: the largest share is 1.
+    pub fn shares_of(&self, pulse: &FieldPulse) -> Vec<f64> {
+        let coefficients = self.model.basis.coefficients(&pulse.wave);
+        let shares = coefficients.iter().zip(self.model.effort.spans()).map(|(c, span)| c / span);
+        let largest = shares.clone().fold(f64::MIN_POSITIVE, |largest, share| largest.max(share.abs()));
+        shares.map(|share| share / largest).collect()
+    }
+
     /// A pulse for steps of `wanted_m` root mean square that keeps the limits, found from `again` or from scratch; else
     /// the limit that prevents it, and the motion found before limits were applied, a start for the next attempt.
     fn attempt(

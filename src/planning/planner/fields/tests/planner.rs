@@ -256,3 +256,25 @@ fn plan_that_moved_nothing_is_not_repeated() {
         assert!(plans[..i].iter().all(|other| other.pulses != plan.pulses), "number {i}");
     }
 }
+
+#[test]
+fn shares_of_a_plan_make_its_pulse_and_no_shares_exceed_the_limit() {
+    let mut planner = planner();
+    let parts = [penny(mm(20.0, 30.0), mm(12.0, -5.0)), penny(mm(-40.0, 10.0), mm(-8.0, 3.0))];
+    let plan = planner.plan(&parts, &[]);
+    let planned = pulse(&plan).unwrap();
+    let shares = planner.shares_of(planned);
+    let again = planner.pulse_of(&shares, planned.sustain_s);
+    let velocity = |pulse: &FieldPulse| upm_2_basis().coefficients(&pulse.wave);
+    let off = velocity(planned).iter().zip(velocity(&again)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-12, "{off}");
+    let peak = |shares: &[f64]| {
+        upm_2().field_drive(&planner.pulse_of(shares, 0.1).wave, again.follows, 0.1).unwrap().peak_counts()
+    };
+    let limit = upm_2().fields.as_ref().unwrap().limit_counts;
+    for share in 0..planner.coefficients() {
+        let alone: Vec<f64> = (0..planner.coefficients()).map(|i| f64::from(u8::from(i == share))).collect();
+        assert!((0.98..=1.0).contains(&(peak(&alone) / limit)), "{share}");
+    }
+    assert!(peak(&vec![1.0; 99]) <= limit && peak(&[0.01]) < 0.1 * limit && peak(&[]) == 0.0);
+}

@@ -1,0 +1,128 @@
+//! Plates that are stepped together, for learning environments.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use super::refusal::refusal;
+use upm::config::Origin;
+use upm::episode::{Episode, EpisodeParams, Episodes, StepOutcome};
+use upm::run::RunError;
+use upm::units::mm_from_m;
+
+/// Plates of one description.
+#[pyclass(module = "upm._upm")]
+pub struct Plates {
+    params: Arc<EpisodeParams>,
+    /// Never waited for: each method has the plates for itself.
+    episodes: Mutex<Episodes>,
+}
+
+fn said(error: RunError) -> PyErr {
+    refusal(error.lines())
+}
+
+impl Plates {
+    fn episodes(&mut self) -> &mut Episodes {
+        self.episodes.get_mut().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[pymethods]
+impl Plates {
+    /// `number` plates of the description in `text`, JSON, with the seeds from `seed` on, on `threads` threads; 0 is
+    /// one for each core.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        text: &str,
+        folder: PathBuf,
+        name: String,
+        number_seed_threads: (usize, u64, usize),
+    ) -> PyResult<Self> {
+        let (number, seed, threads) = number_seed_threads;
+        let made = py.detach(|| {
+            let params = Arc::new(EpisodeParams::from_json(text, &Origin { file: name, folder: Some(folder) })?);
+            Ok(Self { episodes: Mutex::new(Episodes::new(&params, number, seed, threads)?), params })
+        });
+        made.map_err(said)
+    }
+
+    fn reset(&mut self, py: Python<'_>, seed: Option<u64>) -> PyResult<()> {
+        py.detach(|| self.episodes().reset(seed)).map_err(said)
+    }
+
+    /// Steps every plate by its part of `actions`: what became of each, by name.
+    fn step<'py>(&mut self, py: Python<'py>, actions: PyReadonlyArray1<'py, f64>) -> PyResult<Outcomes<'py>> {
+        let actions = actions.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let all = py.detach(|| self.episodes().step(actions)).map_err(said)?;
+        fn each<'py, T: numpy::Element>(
+            py: Python<'py>,
+            all: &[StepOutcome],
+            of: fn(&StepOutcome) -> T,
+        ) -> Bound<'py, PyArray1<T>> {
+            PyArray1::from_iter(py, all.iter().map(of))
+        }
+        Ok(Outcomes {
+            reward: each(py, &all, |one| one.reward),
+            terminated: each(py, &all, |one| one.terminated),
+            truncated: each(py, &all, |one| one.truncated),
+            is_success: each(py, &all, |one| one.is_success),
+            collisions: each(py, &all, |one| one.collisions),
+            arrived: each(py, &all, |one| one.arrived as u64),
+            mean_distance_mm: each(py, &all, |one| mm_from_m(one.mean_distance_m)),
+            plate_time_s: each(py, &all, |one| one.plate_time_s),
+        })
+    }
+
+    /// Observations, a row for each plate.
+    fn observe<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let shape = [self.episodes().each().len(), self.params.observation_len()];
+        let mut observed = vec![0.0; shape[0] * shape[1]];
+        self.episodes().observe(&mut observed);
+        PyArray1::from_vec(py, observed).reshape(shape)
+    }
+
+    /// Our planner's actions, a row for each plate.
+    fn expert<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let shape = [self.episodes().each().len(), self.params.action_bounds().len()];
+        PyArray1::from_vec(py, py.detach(|| self.episodes().expert())).reshape(shape)
+    }
+
+    /// Least and largest value of each number of an action.
+    fn action_bounds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let bounds = self.params.action_bounds();
+        PyArray1::from_iter(py, bounds.iter().copied().flatten()).reshape([bounds.len(), 2])
+    }
+
+    /// Hash of each plate's journal since it got its last seed.
+    fn journal_hashes(&mut self) -> Vec<String> {
+        self.episodes().each().iter().map(Episode::journal_hash).collect()
+    }
+
+    #[getter]
+    fn parts(&self) -> usize {
+        self.params.parts()
+    }
+
+    #[getter]
+    fn plate_side_mm(&self) -> f64 {
+        mm_from_m(self.params.job().rig.model.plate_side_m)
+    }
+}
+
+/// Outcomes of one step, an array of each for all plates.
+#[derive(IntoPyObject)]
+pub struct Outcomes<'py> {
+    reward: Bound<'py, PyArray1<f64>>,
+    terminated: Bound<'py, PyArray1<bool>>,
+    truncated: Bound<'py, PyArray1<bool>>,
+    is_success: Bound<'py, PyArray1<bool>>,
+    collisions: Bound<'py, PyArray1<u64>>,
+    arrived: Bound<'py, PyArray1<u64>>,
+    mean_distance_mm: Bound<'py, PyArray1<f64>>,
+    plate_time_s: Bound<'py, PyArray1<f64>>,
+}
