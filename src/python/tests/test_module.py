@@ -221,6 +221,6 @@ def test_notebooks_run(notebook, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("example", sorted((ROOT / "examples/python").glob("*.py")), ids=lambda path: path.stem)
 def test_examples_complete(example, tmp_path):
-    few = {"train_baseline": ["5"]}
+    few = {"stream": ["20"], "train_baseline": ["5"]}
     done = subprocess.run([sys.executable, example, *few.get(example.stem, [])], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0 and "completed" in done.stdout, done.stderr
