@@ -6,6 +6,7 @@ use super::params::ControlParams;
 use super::run_end::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
+use upm_core::units::mm_from_m;
 use upm_planning::planner::{Limit, PlanStatus};
 use upm_planning::task::Setpoints;
 
@@ -174,7 +175,9 @@ impl ProgressWatch {
         let few = format!("less than {percent:.0} % nearer in {cycles} plans; {blocking_part}");
         let dense = part.and_then(|part| dense_places(params, part, ends_m));
         if by_others.is_some() || dense.is_some() {
-            let told = [by_others, dense].into_iter().flatten().collect::<Vec<_>>().join("; ");
+            let path = wanted.paths.iter().flatten().find(|path| !path.is_over);
+            let wider = path.map(|path| format!("a `corridor_mm` above {:.1} may help", mm_from_m(path.corridor_m)));
+            let told = [by_others, dense, wider].into_iter().flatten().collect::<Vec<_>>().join("; ");
             let reason = format!("parts wait for each other: {told}; {few}");
             return RunEnd::failed_because(Finding::PartsHinder, reason);
         }
