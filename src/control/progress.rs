@@ -6,7 +6,6 @@ use super::params::ControlParams;
 use super::run_end::RunEnd;
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
-use upm_core::units::mm_from_m;
 use upm_planning::planner::{Limit, PlanStatus};
 use upm_planning::task::Setpoints;
 
@@ -164,7 +163,6 @@ impl ProgressWatch {
     /// that hinders it, its vector to the target, and the limit that made plans infeasible.
     pub fn ending(&self, wanted: &Setpoints, seen_m: &[Vec2], params: &ControlParams) -> RunEnd {
         let cycles = if self.futile >= FUTILE_CYCLES { self.futile } else { self.detour };
-        let percent = 100.0 * SHARE;
         let (ends_m, part) = (self.ends_m(wanted), self.blocking_part(wanted, seen_m).map(|(part, _)| part));
         let by_others = match (self.limit, part.filter(|part| wanted.blocked.contains(part))) {
             (Some(Limit::Separation { parts: [a, b] }), _) => Some(format!("{} and {}", params.id(a), params.id(b))),
@@ -172,11 +170,11 @@ impl ProgressWatch {
             _ => None,
         };
         let blocking_part = self.blocking_part_description(wanted, seen_m, |part| params.id(part));
-        let few = format!("less than {percent:.0} % nearer in {cycles} plans; {blocking_part}");
+        let few = format!("less than {:.0} % nearer in {cycles} plans; {blocking_part}", 100.0 * SHARE);
         let dense = part.and_then(|part| dense_places(params, part, ends_m));
         if by_others.is_some() || dense.is_some() {
             let path = wanted.paths.iter().flatten().find(|path| !path.is_over);
-            let wider = path.map(|path| format!("a `corridor_mm` above {:.1} may help", mm_from_m(path.corridor_m)));
+            let wider = path.map(|path| format!("a `corridor_mm` above {:.1} may help", 1e3 * path.corridor_m));
             let told = [by_others, dense, wider].into_iter().flatten().collect::<Vec<_>>().join("; ");
             let reason = format!("parts wait for each other: {told}; {few}");
             return RunEnd::failed_because(Finding::PartsHinder, reason);

@@ -82,24 +82,15 @@ coded_enum! {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "BinEntry")]
 pub struct Bin {
-    /// Kinds that belong here, but for parts that a bin names.
+    /// Kinds that belong here; parts that a bin names belong there.
     #[serde(default)]
-    #[schemars(length(max = 64))]
     pub kinds: Vec<String>,
     /// Names of parts that belong here, whatever their kind.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    #[schemars(length(max = 64))]
     pub parts: Vec<String>,
     /// The rectangle in which their rims must lie.
     #[serde(rename = "region_mm")]
     pub region: Region,
-}
-
-impl Bin {
-    /// Its kinds, then its parts.
-    pub fn names(&self) -> Vec<String> {
-        [&self.kinds[..], &self.parts].concat()
-    }
 }
 
 /// A rectangle.

@@ -21,7 +21,7 @@ impl TaskContext<'_> {
         }
         for (i, (entry, bin)) in entries.iter().zip(&mut bins).enumerate() {
             let at = at.index(i);
-            let is_of_some = !entry.names().is_empty();
+            let is_of_some = !(entry.kinds.is_empty() && entry.parts.is_empty());
             faults.require(is_of_some, at.key("kinds"), "a bin for nothing", "kinds, names of parts, or both");
             for (k, name) in entry.kinds.iter().enumerate() {
                 let Some(kind) = self.rig.known_kind(name, &at.key("kinds").index(k), faults) else { continue };

@@ -5,7 +5,7 @@ use super::run_stream::{LogResult, RunStream, nanos};
 use upm_control::PulseFacts;
 use upm_core::signal::{AccelTrace, Drive, Envelope, Follows, MISSING_SAMPLE, MOTORS};
 use upm_perception::estimation::PlateFit;
-use upm_planning::planner::{FieldPulse, PlannedPulse};
+use upm_planning::planner::PlannedPulse;
 
 /// Least number of samples of a motor's waveform per second, and per period of its highest harmonic.
 const MOTOR_HZ: f64 = 1000.0;
@@ -95,12 +95,11 @@ pub(super) fn pulse(stream: &RunStream, pulse: &PulseFacts, drives: &mut Drives)
     let start_ns = nanos(pulse.started_at);
     let (motor_times_ns, counts) = drives.next(start_ns, &pulse.drive);
     stream.log_scalars("motors", motor_times_ns, counts);
-    let is_segment = matches!(&pulse.planned, PlannedPulse::Field(FieldPulse { follows: Follows::Displacement, .. }));
+    let is_segment = matches!(&pulse.planned, PlannedPulse::Field(field) if field.follows == Follows::Displacement);
     let window = trace_window(&pulse.drive, &pulse.trace, is_segment);
     let times_s: Vec<f64> = window.iter().map(|&i| pulse.trace.time_s(i)).collect();
     // a last sample that is not a number ends the line, so that it is not connected to the next pulse
-    let end_s = times_s.last().map_or(0.0, |last| last + 1.0 / pulse.trace.sample_hz);
-    let ended_s = [&times_s[..], &[end_s]].concat();
+    let ended_s = [&times_s[..], &[times_s.last().map_or(0.0, |last| last + 1.0 / pulse.trace.sample_hz)]].concat();
     let fitted = |fit| times_s.iter().map(|&t_s| fitted_mps2(fit, t_s)).chain([[f64::NAN; 4]]).collect::<Vec<_>>();
     let fitted = pulse.fit.as_ref().ok().map(fitted);
     for (entity, channels) in ACCELEROMETERS.into_iter().zip([[0, 1], [2, 3]]) {
@@ -133,9 +132,8 @@ fn trace_window(drive: &Drive, trace: &AccelTrace, in_attack: bool) -> Vec<usize
     let Envelope { attack_s, sustain_s, .. } = drive.envelope;
     let (from_s, length_s) = if in_attack { (0.0, attack_s) } else { (attack_s, sustain_s) };
     let half_s = 0.5 * (TRACE_PERIODS * std::f64::consts::TAU / drive.base_radps).min(length_s);
-    let middle_s = from_s + 0.5 * length_s;
     let stride = ((trace.sample_hz / TRACE_HZ) as usize).max(1);
-    let inside = |&i: &usize| (trace.time_s(i) - middle_s).abs() <= half_s;
+    let inside = |&i: &usize| (trace.time_s(i) - from_s - 0.5 * length_s).abs() <= half_s;
     (0..trace.len()).step_by(stride).filter(inside).collect()
 }
 
