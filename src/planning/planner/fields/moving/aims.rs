@@ -10,7 +10,7 @@ use upm_core::units::GRAVITY_MPS2;
 /// Largest speed with which parts approach each other or the edge, per distance left, 1/s.
 pub(super) const CLOSING_PER_S: f64 = 5.0;
 /// Distance beyond the configured ones at which wishes begin to keep clear, m: the forecast's error in a segment. Two
-/// parts whose targets are nearer to each other keep as clear as these: dense rows would be pushed apart.
+/// parts that come to rest nearer to each other keep as clear as their targets: dense rows would be pushed apart.
 const SPARE_M: f64 = 0.3e-3;
 /// Gap from which on a pair is far, m.
 const FAR_M: f64 = 0.05;
@@ -190,8 +190,9 @@ fn keep_clear(parts: &[MovingPart], params: &PlannerParams, places_m: &[Vec2], v
                 let Some(normal) = apart_m.try_normalize(0.0).filter(|_| gap_m < FAR_M) else { continue };
                 let closing_mps = -normal.dot(&(velocities_mps[i] - velocities_mps[j]));
                 let at_targets_m = (parts[i].target_m - parts[j].target_m).norm() - radii_m - params.separation_m;
-                let clear_m = gap_m - params.separation_m - at_targets_m.clamp(0.0, SPARE_M);
-                let excess_mps = closing_mps - CLOSING_PER_S * clear_m;
+                let comes_to_rest = parts[i].along_mps.is_none() && parts[j].along_mps.is_none();
+                let spare_m = if comes_to_rest { at_targets_m.clamp(0.0, SPARE_M) } else { SPARE_M };
+                let excess_mps = closing_mps - CLOSING_PER_S * (gap_m - params.separation_m - spare_m);
                 if excess_mps > 0.0 {
                     velocities_mps[i] += normal * (0.5 * excess_mps);
                     velocities_mps[j] -= normal * (0.5 * excess_mps);
