@@ -242,7 +242,9 @@ fn improves(least_m: &mut f64, now_m: f64) -> bool {
 mod tests {
     use super::*;
     use crate::ExpectedPart;
+    use upm_core::geometry::Polyline;
     use upm_core::rig::PartKind;
+    use upm_planning::task::PathStretch;
 
     const TOLERANCE_M: f64 = 0.5e-3;
 
@@ -390,6 +392,11 @@ mod tests {
         let ending = watch.ending(&wanted, &seen_m, &params);
         assert_eq!(ending.cause, Some(Finding::PartsHinder.into()));
         assert!(ending.reason.starts_with("parts wait for each other: a and b; less"), "{}", ending.reason);
+        let line = Polyline::new(vec![x(0.0), x(0.1)]);
+        let (lap_m, corridor_m, is_over) = (0.1, 1e-3, false);
+        let path = PathStretch { line, from_m: 0.0, reference_m: 0.0, speed_mps: 0.01, lap_m, corridor_m, is_over };
+        let ending = watch.ending(&Setpoints { paths: vec![Some(path), None], ..wanted.clone() }, &seen_m, &params);
+        assert!(ending.reason.contains(": a and b; a `corridor_mm` above 1.0 may help; less"), "{}", ending.reason);
         watch.observe(&wanted, &[x(0.0), x(0.0201)], true);
         assert_eq!(watch.limit, None, "nearer again");
     }
