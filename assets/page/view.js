@@ -45,7 +45,7 @@ export class View {
     );
   }
 
-  bin({ kinds, region_mm: { min, max } }) {
+  bin({ kinds, parts = [], region_mm: { min, max } }) {
     const colour = kinds.length === 1 ? (this.colours.get(kinds[0]) ?? '') : '';
     const [width, height] = [max[0] - min[0], max[1] - min[1]];
     const box = svg('rect', { class: `bin ${colour}`, x: min[0], y: -max[1], width, height, rx: 2 });
@@ -53,7 +53,7 @@ export class View {
     const size = fixed(NAME * this.half);
     const above = max[1] + size + 3 < this.half;
     const at = { x: min[0] + 1, y: above ? -max[1] - 3 : -max[1] + size, 'font-size': size };
-    return [box, svg('text', { class: 'bin-name', ...at }, kinds.join(', '))];
+    return [box, svg('text', { class: 'bin-name', ...at }, [...kinds, ...parts].join(', '))];
   }
 
   colourOf(part) {

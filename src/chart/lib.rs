@@ -211,7 +211,7 @@ pub fn bin_outline(min: [f64; 2], max: [f64; 2]) -> [[f64; 2]; 5] {
     [min, [max[0], min[1]], max, [min[0], max[1]], min]
 }
 
-/// The label of a bin for parts of `kinds`: `bin: dime, penny`.
-pub fn bin_label(kinds: &[String]) -> String {
-    format!("bin: {}", kinds.join(", "))
+/// The label of a bin for parts of `kinds` and for `parts` by name: `bin: dime, penny-3`.
+pub fn bin_label(kinds: &[String], parts: &[String]) -> String {
+    format!("bin: {}", [kinds, parts].concat().join(", "))
 }

@@ -163,7 +163,6 @@ impl ProgressWatch {
     /// that hinders it, its vector to the target, and the limit that made plans infeasible.
     pub fn ending(&self, wanted: &Setpoints, seen_m: &[Vec2], params: &ControlParams) -> RunEnd {
         let cycles = if self.futile >= FUTILE_CYCLES { self.futile } else { self.detour };
-        let percent = 100.0 * SHARE;
         let (ends_m, part) = (self.ends_m(wanted), self.blocking_part(wanted, seen_m).map(|(part, _)| part));
         let by_others = match (self.limit, part.filter(|part| wanted.blocked.contains(part))) {
             (Some(Limit::Separation { parts: [a, b] }), _) => Some(format!("{} and {}", params.id(a), params.id(b))),
@@ -171,10 +170,12 @@ impl ProgressWatch {
             _ => None,
         };
         let blocking_part = self.blocking_part_description(wanted, seen_m, |part| params.id(part));
-        let few = format!("less than {percent:.0} % nearer in {cycles} plans; {blocking_part}");
+        let few = format!("less than {:.0} % nearer in {cycles} plans; {blocking_part}", 100.0 * SHARE);
         let dense = part.and_then(|part| dense_places(params, part, ends_m));
         if by_others.is_some() || dense.is_some() {
-            let told = [by_others, dense].into_iter().flatten().collect::<Vec<_>>().join("; ");
+            let path = wanted.paths.iter().flatten().find(|path| !path.is_over);
+            let wider = path.map(|path| format!("a `corridor_mm` above {:.1} may help", 1e3 * path.corridor_m));
+            let told = [by_others, dense, wider].into_iter().flatten().collect::<Vec<_>>().join("; ");
             let reason = format!("parts wait for each other: {told}; {few}");
             return RunEnd::failed_because(Finding::PartsHinder, reason);
         }
@@ -241,7 +242,9 @@ fn improves(least_m: &mut f64, now_m: f64) -> bool {
 mod tests {
     use super::*;
     use crate::ExpectedPart;
+    use upm_core::geometry::Polyline;
     use upm_core::rig::PartKind;
+    use upm_planning::task::PathStretch;
 
     const TOLERANCE_M: f64 = 0.5e-3;
 
@@ -389,6 +392,11 @@ mod tests {
         let ending = watch.ending(&wanted, &seen_m, &params);
         assert_eq!(ending.cause, Some(Finding::PartsHinder.into()));
         assert!(ending.reason.starts_with("parts wait for each other: a and b; less"), "{}", ending.reason);
+        let line = Polyline::new(vec![x(0.0), x(0.1)]);
+        let (lap_m, corridor_m, is_over) = (0.1, 1e-3, false);
+        let path = PathStretch { line, from_m: 0.0, reference_m: 0.0, speed_mps: 0.01, lap_m, corridor_m, is_over };
+        let ending = watch.ending(&Setpoints { paths: vec![Some(path), None], ..wanted.clone() }, &seen_m, &params);
+        assert!(ending.reason.contains(": a and b; a `corridor_mm` above 1.0 may help; less"), "{}", ending.reason);
         watch.observe(&wanted, &[x(0.0), x(0.0201)], true);
         assert_eq!(watch.limit, None, "nearer again");
     }

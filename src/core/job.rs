@@ -78,13 +78,16 @@ coded_enum! {
     }
 }
 
-/// Rectangle on the plate for the parts of some kinds.
+/// Rectangle on the plate for the parts of some kinds, for some parts by name, or both.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "BinEntry")]
 pub struct Bin {
-    /// Kinds that belong here.
-    #[schemars(length(min = 1, max = 64))]
+    /// Kinds that belong here; parts that a bin names belong there.
+    #[serde(default)]
     pub kinds: Vec<String>,
+    /// Names of parts that belong here, whatever their kind.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<String>,
     /// The rectangle in which their rims must lie.
     #[serde(rename = "region_mm")]
     pub region: Region,

@@ -141,6 +141,7 @@ fn transcribe(
         let due = line.is_err() || now.saturating_sub(written_at) >= GATHER;
         if due || gathered.len() >= MOST_GATHERED_BYTES {
             out.write_all(&gathered)?;
+            watch.add_bytes(gathered.len() as u64);
             uncommitted |= !gathered.is_empty();
             gathered.clear();
             written_at = now;

@@ -51,6 +51,7 @@ struct WriterCell {
     /// Time since which the disk has not answered, ms of the writer's clock, at least 1; 0 while there is no pending
     /// request.
     waits_since_ms: AtomicU64,
+    bytes: AtomicU64,
     fault: OnceLock<(io::ErrorKind, String)>,
 }
 
@@ -69,6 +70,16 @@ impl WriterStatus {
     /// The same as an error.
     pub(super) fn error(&self) -> Option<io::Error> {
         self.0.fault.get().map(|(kind, text)| io::Error::new(*kind, text.as_str()))
+    }
+
+    /// Bytes in the file so far.
+    pub fn bytes(&self) -> u64 {
+        self.0.bytes.load(Ordering::Relaxed)
+    }
+
+    /// This many more bytes are in the file.
+    pub fn add_bytes(&self, bytes: u64) {
+        self.0.bytes.fetch_add(bytes, Ordering::Relaxed);
     }
 
     /// The writer starts to wait for the disk.

@@ -188,8 +188,8 @@ pub struct GuardReport {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FaultEntry {
     /// Where: `camera`, `light`, `view`, `coil0` to `coil3`, `coils`, `accel0` to `accel3`, `part0` and on, `parts`,
-    /// `plate`, `device`, `clock`.
-    #[schemars(length(min = 1, max = 16))]
+    /// `plate`, `device`, `clock`, or the name of a part.
+    #[schemars(length(min = 1, max = 64))]
     pub component: String,
     /// The fault; each component has its kinds.
     #[schemars(length(min = 1, max = 16))]

@@ -23,6 +23,8 @@ mod machine;
 mod movie;
 #[cfg(test)]
 mod moving_stop_tests;
+#[cfg(test)]
+mod newcomer_tests;
 mod paced;
 mod path_warnings;
 mod planner_selection;

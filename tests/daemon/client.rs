@@ -127,9 +127,9 @@ fn a_plate_is_stopped_reset_and_resumed_by_hand() {
     served.status(&["resume", RIGHT], 0);
     served.run_on(RIGHT);
     assert_eq!(served.job(&waiting)["state"], "queued", "a reset starts nothing");
-    served.status(&["resume", LEFT, "--operator", "Ann Ö"], 0);
+    let (resumed, _) = served.status(&["resume", LEFT, "--operator", "Ann Ö"], 0);
     served.until_state(&waiting, "completed");
-    assert!(served.log().contains("operator=\"Ann Ö\""), "{}", served.log());
+    assert!(served.log().contains("operator=\"Ann Ö\"") && resumed.contains("  resumed by Ann Ö"), "{resumed}");
 }
 
 #[test]

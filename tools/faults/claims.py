@@ -70,10 +70,12 @@ def errors_of(run, at, bar_mm):
 
 def of_arrange(run, task, at, bar_mm):
     """Every part at its target; where the job lets parts of one kind exchange targets, each target has one of them."""
-    kinds = [part["kind"] for part in run.report["parts"]]
+    names = task.get("parts") or [row["id"] for row in run.report["parts"]]
+    rows, at = zip(*(pair for name in names for pair in zip(run.report["parts"], at) if pair[0]["id"] == name))
+    kinds = [row["kind"] for row in rows]
     # places made by a rule (line, circle, text ...) are those that the report assigns; the tests of the rules check them
-    asked = task.get("targets_mm") or [row["target_mm"] for row in run.report["parts"]]
-    is_fixed = task.get("assignment") == "fixed"
+    asked = task.get("targets_mm") or [row["target_mm"] for row in rows]
+    is_fixed = task.get("assignment", "fixed" if "parts" in task else "optimal") == "fixed"
 
     def fits(part, target):
         allowed = part == target if is_fixed else kinds[part] == kinds[target]
@@ -81,12 +83,9 @@ def of_arrange(run, task, at, bar_mm):
 
     if is_matched(len(at), fits):
         return
-    for part, (row, place) in enumerate(zip(run.report["parts"], at)):
-        error_mm = math.dist(asked[part] if is_fixed else row["target_mm"], place[:2])
-        if error_mm > bar_mm:
-            yield f"completed with part {part} {error_mm:.3f} mm from its target, bar {bar_mm:.2f} mm"
-            return
-    yield "completed, and the true places are not the targets of the job"
+    errors_mm = [math.dist(to if is_fixed else row["target_mm"], place[:2]) for to, row, place in zip(asked, rows, at)]
+    far = [f"{name} {error_mm:.3f} mm from its target, bar {bar_mm:.2f} mm" for name, error_mm in zip(names, errors_mm) if error_mm > bar_mm]
+    yield f"completed with {far[0]}" if far else "completed, and the true places are not the targets of the job"
 
 
 def is_matched(count, fits):
@@ -123,8 +122,9 @@ def of_hold(run, _, at, bar_mm):
 
 def of_sort(run, task, at, bar_mm):
     """Every part with its rim inside its bin."""
-    for part, (place, kind) in enumerate(zip(at, (part["kind"] for part in run.report["parts"]))):
-        region = next((row["region_mm"] for row in task["bins"] if kind in row["kinds"]), None)
+    regions = {name: row["region_mm"] for row in task["bins"] for name in (*row.get("kinds", ()), *row.get("parts", ()))}
+    for part, (place, of) in enumerate(zip(at, run.report["parts"])):
+        kind, region = of["kind"], regions.get(of["id"], regions.get(of["kind"]))
         if region is None or kind not in RADIUS_MM:
             continue
         inside_mm = min(min(place[i] - region["min"][i], region["max"][i] - place[i]) for i in (0, 1)) - RADIUS_MM[kind]

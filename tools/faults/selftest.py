@@ -126,8 +126,7 @@ def process(**changes):
 
 
 def bins(limit_mm):
-    region = {"min": [-limit_mm - 5, -30], "max": [limit_mm, 30]}
-    return {"type": "sort", "bins": [{"kinds": ["penny"], "region_mm": region}]}
+    return {"type": "sort", "bins": [{"kinds": ["penny"], "region_mm": {"min": [-limit_mm - 5, -30], "max": [limit_mm, 30]}}]}
 
 
 BESIDE_ONE = [[50.0, 1.0], [-50.0, 0.0]]
@@ -159,6 +158,8 @@ CASES = [
     ("nor any assignment of them", ["O1"], Folder(LIGHT, task={"targets_mm": BESIDE_ONE, "assignment": "optimal"})),
     ("places made by a rule are those of the report", [], Folder(LIGHT, task=BY_LINE)),
     ("and are to be reached", ["O1"], Folder(LIGHT, task=BY_LINE, told=BESIDE_ONE)),
+    ("one part by name", [], Folder(LIGHT, true=exchanged_from(0), task={"parts": ["penny-1"], "targets_mm": TARGETS[:1]})),
+    ("not at its target", ["O1"], Folder(LIGHT, task={"parts": ["penny-1"], "targets_mm": TARGETS[:1]})),
     ("parts exchange fixed targets", ["O1"], Folder(LIGHT, true=exchanged_from(0))),
     ("parts of a kind exchange targets that are free", [], Folder(LIGHT, true=exchanged_from(0), task={"assignment": "optimal"})),
     ("equal parts exchanged between frames", ["(O1)"], Folder("parts:swapped=0;1@1", true=exchanged_from(1))),

@@ -279,18 +279,14 @@ pub fn counted(number: usize, what: &str) -> String {
 
 /// `one of a, b, c`, followed by the choice that `found` was probably meant to be.
 pub fn one_of(found: &str, choices: &[&str]) -> String {
-    match nearest(found, choices.iter().copied()) {
-        Some(meant) => format!("{} (did you mean {meant}?)", listed(choices)),
-        None => listed(choices),
-    }
+    let meant = nearest(found, choices.iter().copied()).map(|meant| format!(" (did you mean {meant}?)"));
+    listed(choices) + &meant.unwrap_or_default()
 }
 
 /// `one of a, b, c`; a single choice alone.
 pub fn listed(choices: &[&str]) -> String {
-    match choices {
-        [only] => (*only).to_owned(),
-        _ => format!("one of {}", choices.join(", ")),
-    }
+    let list = choices.join(", ");
+    if choices.len() == 1 { list } else { format!("one of {list}") }
 }
 
 /// The choice that `found` was probably meant to be, the first of equally near ones.

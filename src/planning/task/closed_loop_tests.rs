@@ -154,13 +154,13 @@ fn blocked_part_is_named_and_the_others_arrive() {
     assert_eq!(wanted.subgoals_m, [Vec2::zeros(), starts_m[1], Vec2::new(0.12, -0.14)]);
 }
 
-/// Bins side by side across the plate, the i-th for kind i.
+/// Bins side by side across the plate, the i-th for kind i of [`coins`].
 fn bins(kinds: usize, width_m: f64, height_m: f64, apart_m: f64) -> Vec<BinParams> {
     let middle = |i: usize| apart_m * (i as f64 - 0.5 * (kinds as f64 - 1.0));
     let half = 0.5 * Vec2::new(width_m, height_m);
     let bin = |i: usize| {
         let middle = Vec2::new(middle(i), 0.0);
-        BinParams { kinds: vec![i], min_m: middle - half, max_m: middle + half }
+        BinParams { parts: (i..64).step_by(kinds).collect(), min_m: middle - half, max_m: middle + half }
     };
     (0..kinds).map(bin).collect()
 }

@@ -11,11 +11,11 @@ const COMFORT_M: f64 = 4e-3;
 /// Extra slots tried so that parts already in their bin may stay.
 const SPARE_SLOTS: usize = 4;
 
-/// A rectangle for the parts of some kinds, rims included.
+/// A rectangle for some parts, rims included.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BinParams {
-    /// Kinds that belong in this bin.
-    pub kinds: Vec<usize>,
+    /// Indices of the parts that belong in this bin.
+    pub parts: Vec<usize>,
     /// Lower left corner, m.
     pub min_m: Vec2,
     /// Upper right corner, m.
@@ -41,7 +41,7 @@ impl BinParams {
 pub struct SortParams {
     /// The plate and its parts.
     pub scene: PlateScene,
-    /// The bins. A part of a kind without a bin stays where it was first seen.
+    /// The bins. A part without a bin stays where it was first seen.
     pub bins: Vec<BinParams>,
     /// Required distance of a part's observed rim inside its bin, m.
     pub margin_m: f64,
@@ -51,27 +51,19 @@ impl SortParams {
     /// Gap left by the slots of each bin, m: the least between rims, or twice that between a rim and a side where it is
     /// less; negative where no slots were found for its parts.
     pub fn gaps_m(&self) -> Vec<f64> {
-        let gap_m = |(number, bin): (usize, &BinParams)| {
-            let radii_m: Vec<f64> = self.parts_of(number).map(|part| self.scene.discs[part].radius_m).collect();
+        let gap_m = |bin: &BinParams| {
+            let discs = bin.parts.iter().filter_map(|&part| self.scene.discs.get(part));
+            let radii_m: Vec<f64> = discs.map(|disc| disc.radius_m).collect();
             let largest_m = radii_m.iter().copied().fold(0.0, f64::max);
             bin.slots(&radii_m).gap_m.max(bin.slots(&vec![largest_m; radii_m.len()]).gap_m)
         };
-        self.bins.iter().enumerate().map(gap_m).collect()
-    }
-
-    /// Index of the bin for a part.
-    fn bin_of(&self, part: usize) -> Option<usize> {
-        let kind = self.scene.discs.get(part)?.kind;
-        self.bins.iter().position(|bin| bin.kinds.contains(&kind))
-    }
-
-    fn parts_of(&self, bin: usize) -> impl Iterator<Item = usize> {
-        (0..self.scene.discs.len()).filter(move |&part| self.bin_of(part) == Some(bin))
+        self.bins.iter().map(gap_m).collect()
     }
 
     /// Distance of a part's rim inside its bin, m; `None` when it has no bin.
     fn inside_m(&self, part: usize, center_m: Vec2) -> Option<f64> {
-        Some(self.bins[self.bin_of(part)?].inside_m(center_m, self.scene.discs[part].radius_m))
+        let bin = self.bins.iter().find(|bin| bin.parts.contains(&part))?;
+        Some(bin.inside_m(center_m, self.scene.discs.get(part)?.radius_m))
     }
 }
 
@@ -91,8 +83,8 @@ impl Sort {
     fn steering(&self, parts_in_table_m: &[Vec2]) -> PathFollower {
         let SortParams { scene, bins, .. } = &self.params;
         let mut places = TargetSet::new(parts_in_table_m);
-        for (number, bin) in bins.iter().enumerate() {
-            let parts = self.params.parts_of(number).filter(|&part| part < parts_in_table_m.len());
+        for bin in bins {
+            let parts = bin.parts.iter().copied().filter(|&part| part < parts_in_table_m.len());
             places.fill(bin, parts.collect(), &scene.discs, parts_in_table_m);
         }
         PathFollower::new(scene, &places.at_m, places.groups, parts_in_table_m).arriving_about()
@@ -191,7 +183,7 @@ mod tests {
     use crate::task::PENNY_M;
 
     fn penny_bin(min: (f64, f64), max: (f64, f64), pennies: usize) -> SortParams {
-        let bin = BinParams { kinds: vec![0, 1], min_m: Vec2::new(min.0, min.1), max_m: Vec2::new(max.0, max.1) };
+        let bin = BinParams { parts: (0..8).collect(), min_m: Vec2::new(min.0, min.1), max_m: Vec2::new(max.0, max.1) };
         let discs = vec![PartOutline { kind: 0, radius_m: PENNY_M }; pennies];
         let scene = PlateScene { half_side_m: 0.1524, discs, ..PlateScene::default() };
         SortParams { scene, bins: vec![bin], margin_m: 5e-5 }

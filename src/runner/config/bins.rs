@@ -7,21 +7,33 @@ use upm_core::units::mm_from_m;
 use upm_planning::task::BinParams;
 
 impl TaskContext<'_> {
-    /// The bins in SI. Faults: a kind without a bin or in several, a bin too small for its parts, bins that overlap.
+    /// The bins in SI. Faults: a kind or part without a bin or in several, a bin too small for its parts, bins that
+    /// overlap.
     pub(super) fn sort(&self, entries: &[Bin], faults: &mut Diagnostics) -> Option<TaskSpec> {
         let at = self.at.key("bins");
+        let (mut named, mut kinds) = (Vec::new(), Vec::new());
         let mut bins: Vec<BinParams> = Vec::with_capacity(entries.len());
         for (i, entry) in entries.iter().enumerate() {
+            let before = named.len();
+            self.add_named(&entry.parts, &at.index(i).key("parts"), &mut named, faults);
+            let parts = named.get(before..).unwrap_or_default().to_vec();
+            bins.push(BinParams { parts, min_m: entry.region.min_m, max_m: entry.region.max_m });
+        }
+        for (i, (entry, bin)) in entries.iter().zip(&mut bins).enumerate() {
             let at = at.index(i);
-            let bin = self.bin(entry, &at, faults);
-            for (k, kind) in bin.kinds.iter().enumerate() {
-                let taken =
-                    bin.kinds.iter().take(k).chain(bins.iter().flat_map(|b| &b.kinds)).any(|other| other == kind);
-                let name = entry.kinds.get(k).map_or("", String::as_str);
+            let is_of_some = !(entry.kinds.is_empty() && entry.parts.is_empty());
+            faults.require(is_of_some, at.key("kinds"), "a bin for nothing", "kinds, names of parts, or both");
+            for (k, name) in entry.kinds.iter().enumerate() {
+                let Some(kind) = self.rig.known_kind(name, &at.key("kinds").index(k), faults) else { continue };
                 let found = format!("{name:?} a second time");
-                faults.require(!taken, at.key("kinds").index(k), found, "each kind in one bin");
+                if faults.require(!kinds.contains(&kind), at.key("kinds").index(k), found, "each kind in one bin") {
+                    kinds.push(kind);
+                    bin.parts.extend(
+                        (0..self.kinds.len()).filter(|part| self.kinds[*part] == kind && !named.contains(part)),
+                    );
+                }
             }
-            bins.push(bin);
+            self.check_bin(bin, &at.key("region_mm"), faults);
         }
         for (i, bin) in bins.iter().enumerate() {
             // a common border is allowed
@@ -33,36 +45,30 @@ impl TaskContext<'_> {
             }
         }
         for (kind, spec) in self.rig.kinds.iter().enumerate() {
-            let parts = self.kinds.iter().filter(|&&other| other == kind).count();
-            let has_bin = parts == 0 || bins.iter().any(|bin| bin.kinds.contains(&kind));
+            let is_in_none = |part: &usize| !bins.iter().any(|bin| bin.parts.contains(part));
+            let parts = (0..self.kinds.len()).filter(|part| self.kinds[*part] == kind && is_in_none(part)).count();
             let found = format!("no bin for {}, {parts} of them on the plate", spec.kind.name);
-            faults.require(has_bin, &at, found, "a bin for every kind of part");
+            faults.require(parts == 0, &at, found, "a bin for every kind of part");
         }
         Some(TaskSpec::Sort { bins })
     }
 
-    fn bin(&self, entry: &Bin, at: &Path, faults: &mut Diagnostics) -> BinParams {
-        let kind = |(i, name): (usize, &String)| self.rig.known_kind(name, &at.key("kinds").index(i), faults);
-        let kinds: Vec<usize> = entry.kinds.iter().enumerate().filter_map(kind).collect();
-        let bin = BinParams { kinds, min_m: entry.region.min_m, max_m: entry.region.max_m };
-        let at = at.key("region_mm");
+    fn check_bin(&self, bin: &BinParams, at: &Path, faults: &mut Diagnostics) {
         for (name, corner_m) in [("min", bin.min_m), ("max", bin.max_m)] {
             check_inside(corner_m, 0.0, self.half_m, 0.0, &at.key(name), faults);
         }
         let is_rectangle = (bin.max_m - bin.min_m).min() > 0.0;
-        if faults.require(is_rectangle, &at, text_of_bin(&bin), "min below max along x and y") {
-            self.check_room(&bin, &at, faults);
+        if faults.require(is_rectangle, at, text_of_bin(bin), "min below max along x and y") {
+            self.check_room(bin, at, faults);
         }
-        bin
     }
 
     /// Reports a bin whose parts do not fit in straight rows with [`REST_GAP_M`] between rims and half of that to the
     /// bin's border, beyond which the next bin may begin. All parts are assumed as large as the largest, as the goal
     /// does when it assigns slots.
     fn check_room(&self, bin: &BinParams, at: &Path, faults: &mut Diagnostics) {
-        let parts = self.kinds.iter().zip(&self.radii_m).filter(|(kind, _)| bin.kinds.contains(kind));
-        let (count, radius_m) =
-            parts.fold((0, 0.0), |(n, largest), (_, &radius_m)| (n + 1, f64::max(largest, radius_m)));
+        let count = bin.parts.len();
+        let radius_m = bin.parts.iter().map(|&part| self.radii_m[part]).fold(0.0, f64::max);
         let most_m = Vec2::repeat(self.half_m - REST_MARGIN_M);
         let inset_m = Vec2::repeat(0.5 * REST_GAP_M);
         let free_m = (bin.max_m - inset_m).inf(&most_m) - (bin.min_m + inset_m).sup(&-most_m);
@@ -71,7 +77,7 @@ impl TaskContext<'_> {
         let [gap, border, edge] = [REST_GAP_M, 0.5 * REST_GAP_M, REST_MARGIN_M].map(mm_from_m);
         let found = format!("{:.3} x {:.3} mm with room for {room} of {diameter_mm:.3} mm", size_mm.x, size_mm.y);
         let allowed = format!(
-            "room for {count}, the parts of its kinds (with {gap:.3} mm between rims, {border:.3} mm to the border and \
+            "room for {count}, its parts (with {gap:.3} mm between rims, {border:.3} mm to the border and \
              {edge:.3} mm to the plate's edge)"
         );
         faults.require(room >= count, at, found, allowed);

@@ -1,12 +1,9 @@
-//! Simulated faults of a job: written in its file, typed on the command line, or drawn by a seed.
-
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+//! Simulated faults of a job: written in its file, or typed on the command line.
 
 use upm_core::document::{Diagnostics, Path, counted, one_of, quoted};
 use upm_core::time::PlateTime;
 use upm_recording::{FaultEntry, FaultValue};
-use upm_sim::faults::{FaultKind, FaultSpec, FaultyComponent, ValueRange, drawn_faults};
+use upm_sim::faults::{FaultKind, FaultSpec, FaultyComponent, ValueRange};
 
 /// Names of components for error messages.
 const COMPONENTS: [&str; 11] =
@@ -16,26 +13,6 @@ const LATEST_S: f64 = 1e6;
 
 /// Most faults of a job.
 pub(super) const MOST_FAULTS: usize = 32;
-
-/// Faults of the simulated rig: a list, or a seed that draws them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub(crate) enum FaultList {
-    /// The faults themselves.
-    #[schemars(title = "list")]
-    List(#[schemars(length(max = MOST_FAULTS))] Vec<FaultEntry>),
-    /// One to five faults drawn by a seed, or none.
-    #[schemars(title = "drawn")]
-    Drawn(DrawnFaults),
-}
-
-/// Faults drawn by a seed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub(crate) struct DrawnFaults {
-    /// Determines the faults, together with the number of parts.
-    #[schemars(range(max = u64::MAX))]
-    pub(crate) seed: u64,
-}
 
 /// `spec` in the form of a job file.
 pub(crate) fn fault_entry(spec: &FaultSpec) -> FaultEntry {
@@ -70,25 +47,19 @@ fn cut(text: &str, at: char) -> (&str, Option<&str>) {
     text.split_once(at).map_or((text, None), |(before, after)| (before, Some(after)))
 }
 
-/// Simulated faults of a job with `parts` parts, and the equivalent list for the file.
-pub(super) fn build(entry: &FaultList, parts: usize, at: &Path, faults: &mut Diagnostics) -> Vec<FaultSpec> {
-    match entry {
-        FaultList::Drawn(drawn) => drawn_faults(drawn.seed, parts),
-        FaultList::List(list) => {
-            let each = list.iter().enumerate();
-            each.filter_map(|(i, entry)| spec(entry, parts, &at.index(i), faults)).collect()
-        }
-    }
+/// Simulated faults of a job whose parts have these names.
+pub(super) fn build(list: &[FaultEntry], ids: &[String], at: &Path, faults: &mut Diagnostics) -> Vec<FaultSpec> {
+    list.iter().enumerate().filter_map(|(i, entry)| spec(entry, ids, &at.index(i), faults)).collect()
 }
 
-/// Simulated faults in `texts`, each one or several separated by commas, for a job of `parts` parts.
-pub(super) fn typed(texts: &[String], parts: usize, faults: &mut Diagnostics) -> Vec<FaultSpec> {
+/// Simulated faults in `texts`, each one or several separated by commas, for a job whose parts have these names.
+pub(super) fn typed(texts: &[String], ids: &[String], faults: &mut Diagnostics) -> Vec<FaultSpec> {
     let each = texts.iter().flat_map(|text| text.split(',')).map(str::trim).filter(|text| !text.is_empty());
     let mut specs = Vec::new();
     for text in each {
         let at = Path::root().key(text);
         match parsed(text) {
-            Some(entry) => specs.extend(spec(&entry, parts, &at, faults)),
+            Some(entry) => specs.extend(spec(&entry, ids, &at, faults)),
             None => {
                 let allowed = "COMPONENT:KIND[=VALUE[;VALUE]][@FROM_S[-TO_S]], for example coil0:reversed@1.2";
                 faults.push(Path::root(), quoted(text), allowed);
@@ -98,19 +69,21 @@ pub(super) fn typed(texts: &[String], parts: usize, faults: &mut Diagnostics) ->
     specs
 }
 
-/// Allowed component names, for an error about the name `found`.
-fn components(found: &str) -> String {
+/// Allowed component names, for an error about the name `found` in a job whose parts have these names.
+fn components(found: &str, ids: &[String]) -> String {
     let has_number = |class: &&str| found.strip_prefix(*class).is_some_and(|rest| rest.parse::<u32>().is_ok());
     match ["coil", "accel"].into_iter().find(has_number) {
         Some(class) => format!("{class}0 to {class}3"),
-        None => one_of(found, &COMPONENTS),
+        None => one_of(found, &COMPONENTS.into_iter().chain(ids.iter().map(String::as_str)).collect::<Vec<_>>()),
     }
 }
 
-fn spec(entry: &FaultEntry, parts: usize, at: &Path, faults: &mut Diagnostics) -> Option<FaultSpec> {
-    let Some(component) = FaultyComponent::named(&entry.component) else {
+fn spec(entry: &FaultEntry, ids: &[String], at: &Path, faults: &mut Diagnostics) -> Option<FaultSpec> {
+    let parts = ids.len();
+    let named = || ids.iter().position(|id| *id == entry.component).map(FaultyComponent::Part);
+    let Some(component) = FaultyComponent::named(&entry.component).or_else(named) else {
         let found = quoted(&entry.component);
-        faults.push(at.key("component"), found, components(&entry.component));
+        faults.push(at.key("component"), found, components(&entry.component, ids));
         return None;
     };
     if let FaultyComponent::Part(part) = component {
@@ -166,9 +139,13 @@ fn text_of_ranges(ranges: &[ValueRange]) -> String {
 mod tests {
     use super::*;
 
+    fn names() -> Vec<String> {
+        ["penny-1", "penny-2", "left.one"].map(str::to_owned).to_vec()
+    }
+
     fn read(text: &str) -> Result<Vec<FaultSpec>, Vec<String>> {
         let mut faults = Diagnostics::of("--faults");
-        let specs = typed(&[text.to_owned()], 3, &mut faults);
+        let specs = typed(&[text.to_owned()], &names(), &mut faults);
         faults.into_result(Some(specs)).map_err(|list| list.iter().map(ToString::to_string).collect())
     }
 
@@ -180,6 +157,9 @@ mod tests {
         assert_eq!((coil.from, coil.to), (PlateTime::from_secs(1.2), None));
         assert_eq!((shift.values, shift.to), ([3.0, -1.5, 0.0], Some(PlateTime::from_secs(1.5))));
         assert_eq!(hang.values[0], 1.0);
+        for name in ["left.one:glued@1", "part2:glued@1"] {
+            assert_eq!(read(name).unwrap()[0].component, FaultyComponent::Part(2));
+        }
     }
 
     #[test]
@@ -190,6 +170,7 @@ mod tests {
             ("coil7:dead", "coil0 to coil3"),
             ("coill:dead", "did you mean coil0"),
             ("part3:glued", "part0 to part2"),
+            ("penny-3:glued", "clock, penny-1, penny-2, left.one (did you mean penny-1?)"),
             ("camera:freez", "did you mean freeze"),
             ("camera:flip", "freeze, late, drop"),
             ("camera:shift=1", "-2000 to 2000 (px); -2000 to 2000 (px)"),
@@ -203,16 +184,6 @@ mod tests {
         ] {
             let lines = read(text).unwrap_err();
             assert!(lines.len() == 1 && lines[0].contains(said), "{text}: {lines:?}");
-        }
-    }
-
-    #[test]
-    fn drawn_faults_equal_those_read_from_their_list() {
-        for seed in 0..500 {
-            let drawn = drawn_faults(seed, 3);
-            let list = FaultList::List(drawn.iter().map(fault_entry).collect());
-            let mut faults = Diagnostics::of("job");
-            assert_eq!(build(&list, 3, &Path::root(), &mut faults), drawn, "{:?}", faults.into_list());
         }
     }
 }

@@ -2,7 +2,7 @@ use serde_json::Value;
 
 use super::clearance;
 use super::drawings;
-use super::faults::{self, FaultList, fault_entry};
+use super::faults::{self, fault_entry};
 use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PathEntry, PlannerChoice, TaskSection};
 use super::kinds::{KindSpec, PartGroup, each_kind, part_ids};
 use super::names::check_names;
@@ -118,9 +118,9 @@ impl JobSpec {
         let tasks = tasks_of(&document, &parts, &rig, faults);
         clearance::check(&parts, &rig, faults);
         let at = root.key("faults");
-        let of_rig = document.faults.as_ref().map(|list| faults::build(list, each_kind(&parts).len(), &at, faults));
-        // faults drawn by a seed are written out, so that the run folder documents them
-        document.faults = of_rig.as_ref().map(|specs| FaultList::List(specs.iter().map(fault_entry).collect()));
+        let ids = part_ids(&parts, &rig.kinds);
+        let of_rig = document.faults.as_ref().map(|list| faults::build(list, &ids, &at, faults));
+        document.faults = of_rig.as_ref().map(|specs| specs.iter().map(fault_entry).collect());
         if !faults.is_empty() {
             faults.append(warnings.clone());
         }
@@ -237,7 +237,7 @@ impl JobSpec {
     /// Every text that is not a valid fault.
     pub fn with_faults(mut self, texts: &[String]) -> Result<Self, Vec<Diagnostic>> {
         let mut faults = Diagnostics::of("--faults");
-        let typed = faults::typed(texts, self.kinds_of_parts().len(), &mut faults);
+        let typed = faults::typed(texts, &part_ids(&self.parts, &self.rig.kinds), &mut faults);
         let (total, most) = (self.faults.len() + typed.len(), faults::MOST_FAULTS);
         faults.require(
             total <= most,
@@ -248,7 +248,7 @@ impl JobSpec {
         let typed = faults.into_result(Some(typed))?;
         self.faults.extend(typed);
         if !self.faults.is_empty() {
-            self.document.faults = Some(FaultList::List(self.faults.iter().map(fault_entry).collect()));
+            self.document.faults = Some(self.faults.iter().map(fault_entry).collect());
         }
         Ok(self)
     }

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::faults::FaultList;
+use super::faults::MOST_FAULTS;
 use super::read::{NAME_PATTERN, optional_mm_point, optional_mm_points};
 use super::rig_file::RigSource;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
@@ -15,6 +15,7 @@ use upm_core::geometry::Vec2;
 use upm_core::job::Bin;
 use upm_core::units::{micrometres, mm, whole};
 use upm_planning::cor_library::Library;
+use upm_recording::FaultEntry;
 
 /// A job: which rig, which parts, and what to do with them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -57,7 +58,8 @@ pub struct JobFile {
     #[serde(default)]
     pub(crate) limits: RunLimits,
     /// Faults of the simulated rig, to see what a run makes of them. A daemon takes them only where its file allows it.
-    pub(crate) faults: Option<FaultList>,
+    #[schemars(length(max = MOST_FAULTS))]
+    pub(crate) faults: Option<Vec<FaultEntry>>,
     /// False alarms that guards may give in 1,000 h of plate time of a healthy rig, all together: more find a fault
     /// sooner.
     #[serde(default = "whole::<f64, 1>")]

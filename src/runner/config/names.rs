@@ -33,7 +33,7 @@ pub(super) fn check_names(groups: &[PartGroup], rig: &RigSpec, faults: &mut Diag
 
 impl TaskContext<'_> {
     /// Adds the parts with these names to `parts`. Faults: a name that no part has, a part that is there already.
-    fn add_named(&self, names: &[String], at: &Path, parts: &mut Vec<usize>, faults: &mut Diagnostics) {
+    pub(super) fn add_named(&self, names: &[String], at: &Path, parts: &mut Vec<usize>, faults: &mut Diagnostics) {
         let ids: Vec<&str> = self.ids.iter().map(String::as_str).collect();
         for (i, name) in names.iter().enumerate() {
             match ids.iter().position(|id| id == name) {

@@ -5,9 +5,10 @@ use pathfinding::prelude::{Matrix, kuhn_munkres_min};
 use super::{PlannerSelection, RunError, RunSetup};
 use crate::config::{Assignment, JobSpec, TaskSpec, fault_entry};
 use upm_control::{ExpectedPart, FinalState, RunEnd};
+use upm_core::geometry::Vec2;
 use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
 use upm_core::rig::Rig;
-use upm_core::units::mm_from_m;
+use upm_core::units::{m_from_mm, mm_from_m};
 use upm_recording::{IncidentReport, PartReport, Report, StopReport, Verdict, WorkReport, rounded};
 
 /// Allowance for the measurement error by which a true error may exceed the tolerance, mm.
@@ -82,20 +83,13 @@ pub(super) fn verdict(job: &JobSpec, report: &Report) -> Option<Verdict> {
         TaskSpec::Trajectories { .. } => each_has_its_part(report, job, |part| part.measured_mm),
         _ if job.is_endless() => each_has_its_part(report, job, |part| part.measured_mm),
         TaskSpec::Sort { bins } => {
-            let in_bin = |(part, kind): (&PartReport, usize)| {
-                let mut own = bins.iter().filter(|bin| bin.kinds.contains(&kind));
-                own.any(|bin| {
-                    let radius_m = job.kind(kind).map_or(0.0, |spec| spec.kind.radius_m);
-                    part.true_mm.is_some_and(|at_mm| {
-                        (0..2).all(|axis| {
-                            let least_mm = mm_from_m(bin.min_m[axis] + radius_m) - SENSING_MM;
-                            let most_mm = mm_from_m(bin.max_m[axis] - radius_m) + SENSING_MM;
-                            (least_mm..=most_mm).contains(&at_mm[axis])
-                        })
-                    })
-                })
+            let kinds = job.kinds_of_parts();
+            let in_bin = |part: usize| {
+                let bin = bins.iter().find(|bin| bin.parts.contains(&part))?;
+                let at_m = Vec2::from(report.parts[part].true_mm?).map(m_from_mm);
+                Some(bin.inside_m(at_m, job.kind(kinds[part])?.kind.radius_m) >= -m_from_mm(SENSING_MM))
             };
-            report.parts.iter().zip(job.kinds_of_parts()).all(in_bin)
+            (0..report.parts.len()).all(|part| in_bin(part) == Some(true))
         }
         TaskSpec::Hold { .. } | TaskSpec::Arrange { assignment: Assignment::Optimal, .. } => {
             each_has_its_part(report, job, |part| part.target_mm)

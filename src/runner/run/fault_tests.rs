@@ -111,15 +111,6 @@ fn faulty_run_is_reported_and_repeats_from_its_folder() {
 }
 
 #[test]
-fn drawn_faults_are_written_out() {
-    let seed = (0..).find(|&seed| !job(&json!({"seed": seed})).faults.is_empty()).unwrap_or_default();
-    let drawn = job(&json!({"seed": seed}));
-    let list = drawn.effective()["faults"].clone();
-    assert!(list.is_array(), "{list}");
-    assert_eq!(job(&list).faults, drawn.faults);
-}
-
-#[test]
 fn small_pulse_names_a_coil_before_a_part_has_moved() {
     let faults =
         [("coil1", "dead", Value::Null), ("coil2", "reversed", Value::Null), ("coils", "swapped", json!([0, 2]))];

@@ -1,4 +1,4 @@
-//! Warnings about paths that ask for more speed or time than there is.
+//! Warnings about paths that ask for more speed or time than there is, and about dense places.
 
 use std::f64::consts::TAU;
 
@@ -6,7 +6,7 @@ use super::planner_selection::PlannerSelection;
 use super::setup::{LEAD_M, LONGEST_STEP_M};
 use super::tolerance::tolerance_warning;
 use crate::config::{Diagnostic, JobSpec, TaskSpec};
-use upm_core::geometry::Polyline;
+use upm_core::geometry::{Polyline, Vec2};
 use upm_core::rig::RigModel;
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
@@ -18,12 +18,18 @@ const LEAST_REST: f64 = 0.5;
 /// Segments of motions without pauses last this many periods of the fields.
 const SEGMENT_PERIODS: f64 = 2.0;
 
+/// Parts at places as dense as this, by the gap between rims, m, come to rest after minutes or not at all where there
+/// are so many and each has neighbours: 30 dimes 20 mm apart, while 20 take half a minute.
+const DENSE_M: f64 = 2.5e-3;
+const MANY: usize = 24;
+
 /// Warnings, in the form of faults, of a valid job: a run may reach its goal by luck, later, or in part.
 pub fn job_warnings(job: &JobSpec, library: &Library) -> Vec<Diagnostic> {
     let mut warnings = job.warnings.clone();
     warnings.extend(tolerance_warning(job, library));
     warnings.extend(job.each_task().enumerate().filter_map(|(i, task)| speed_warning(job, i, task, library)));
     warnings.extend(time_warning(job));
+    warnings.extend(job.each_task().filter_map(|task| density_warning(job, task)));
     warnings
 }
 
@@ -77,6 +83,20 @@ fn time_warning(job: &JobSpec) -> Option<Diagnostic> {
         let found = format!("{}, which ends before the paths", job.plate_time_limit_s);
         let allowed = format!("more than {all_s:.1}, which the paths take at the speed asked");
         Diagnostic::new(&job.file, "limits.plate_time_s", found, allowed)
+    })
+}
+
+fn density_warning(job: &JobSpec, task: &TaskSpec) -> Option<Diagnostic> {
+    let TaskSpec::Arrange { targets_m, .. } = task else { return None };
+    let kinds = job.kinds_of_parts();
+    let disc = |(to_m, kind): (&Option<Vec2>, &usize)| Some(((*to_m)?, job.kind(*kind)?.kind.radius_m));
+    let discs: Vec<(Vec2, f64)> = targets_m.iter().zip(&kinds).filter_map(disc).collect();
+    let pairs = discs.iter().enumerate().flat_map(|(i, a)| discs[..i].iter().map(move |b| (a, b)));
+    let dense = pairs.map(|(a, b)| (a.0 - b.0).norm() - a.1 - b.1).filter(|gap_m| *gap_m < DENSE_M).count();
+    (discs.len() >= MANY && dense >= discs.len()).then(|| {
+        let found = format!("{dense} pairs of {} places nearer than that, which may take minutes", discs.len());
+        let allowed = format!("{:.1} mm or more between rims, or fewer parts at a time", mm_from_m(DENSE_M));
+        Diagnostic::new(&job.file, "parts", found, allowed)
     })
 }
 
@@ -136,6 +156,21 @@ mod tests {
         assert_eq!(warned("auto", &line(2), false, 31.0), [""; 0]);
         assert_eq!(warned("auto", &line(2), true, 39.0).len(), 1, "in phase the last pass goes back, too");
         assert_eq!(warned("auto", &line(0), false, 1.0), [""; 0]);
+    }
+
+    #[test]
+    fn many_parts_at_dense_places_are_told() {
+        let warned = |rows: u32, spacing_mm: f64| {
+            let grid = json!({"grid": {"rows": rows, "columns": 6, "spacing_mm": spacing_mm}});
+            let job = job_in_configs(&json!({
+                "name": "grid", "rig": "rigs/upm-2.json", "parts": [{"kind": "dime", "count": 6 * rows}],
+                "task": {"type": "arrange", "targets": grid},
+            }));
+            job_warnings(&job, &job_library(&job).unwrap()).iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        assert_eq!([warned(5, 21.0), warned(3, 20.0)].concat(), [""; 0]);
+        let told = "parts: expected 2.5 mm or more between rims, or fewer parts at a time, found 49 pairs of 30 places";
+        assert!(warned(5, 20.0).len() == 1 && warned(5, 20.0)[0].contains(told), "{:?}", warned(5, 20.0));
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub(super) struct RunningJob {
     /// True for a run of the standing job.
     pub standing: bool,
     pub recording: RecordingHandle,
-    journal: WriterStatus,
+    pub journal: WriterStatus,
     /// Deadlines that the plate had missed before it.
     missed_before: u64,
     /// The requested end; `None` while none was requested.

@@ -53,6 +53,8 @@ pub struct PlateHandle {
     pub(super) standing: Option<Standing>,
     /// The cause of the plate's pause; `None` when it is not paused.
     pub(super) paused: Mutex<Option<PauseCause>>,
+    /// The operator who let it go on after its last pause.
+    pub(super) resumed_by: Mutex<Option<String>>,
     /// Held while a pause or its end is written to the audit log, which keeps their order.
     pub(super) pausing: Mutex<()>,
     /// The last pause, or its end, that could not be written to the store.
@@ -80,6 +82,7 @@ impl PlateHandle {
         let _order = self.pausing.lock();
         let entry = AuditEntry::of_plate(&self.name, AuditEntry::PAUSE, &why.why);
         let before = self.paused.lock().replace(why.clone());
+        *self.resumed_by.lock() = None;
         if before != Some(why) {
             self.note_pausing(entry);
         }
@@ -89,6 +92,7 @@ impl PlateHandle {
     pub(super) fn go_on(&self, entry: AuditEntry) {
         let _order = self.pausing.lock();
         *self.paused.lock() = None;
+        *self.resumed_by.lock() = Some(entry.operator.clone()).filter(|name| !name.is_empty());
         self.note_pausing(entry);
     }
 
@@ -163,6 +167,7 @@ impl PlateHandle {
             state,
             why,
             pause,
+            resumed_by: self.resumed_by.lock().clone(),
             job: running.map(|running| running.job.to_string()),
             standing_job: self.standing.as_ref().map(|standing| standing.snapshot(stands)),
             age_s: at.map(|at| self.clock.elapsed().saturating_sub(at).as_secs_f64()),

@@ -8,7 +8,7 @@ use upm_core::geometry::Vec2;
 use upm_core::time::{Clock, PlateTime};
 use upm_core::units::{mm_from_m, places_mm};
 use upm_perception::vision::{Table, Track};
-use upm_recording::RecordingHandle;
+use upm_recording::{RecordingHandle, RecordingOptions, WriterStatus};
 
 /// Observes a run for clients. It is called on the plate's own thread, so it never waits: what finds a lock held by
 /// another thread is dropped.
@@ -19,24 +19,26 @@ pub(super) struct RunObserver<'a> {
     targets_m: Vec<Vec2>,
     table: Option<Table>,
     recording: RecordingHandle,
+    journal: WriterStatus,
     /// Ends a run of an endless standing job, which then begins again; `None` for other jobs.
     pub begin_again: Option<&'a AtomicBool>,
 }
 
-/// Largest recording of a run of an endless standing job, bytes: the next run begins then.
+/// Largest recording and journal of a run of an endless standing job, bytes: the next run begins then.
 const STANDING_BYTES: u64 = 32_000_000;
 
 impl<'a> RunObserver<'a> {
-    pub fn new(shared: &'a PlateHandle, clock: &'a dyn Clock, radii_m: Vec<f64>, recording: RecordingHandle) -> Self {
+    pub fn new(shared: &'a PlateHandle, clock: &'a dyn Clock, radii_m: Vec<f64>, options: &RecordingOptions) -> Self {
+        let (recording, journal) = (options.recording.clone(), options.journal.clone());
         let radii_mm = radii_m.into_iter().map(mm_from_m).collect();
         let observation = Observation { radii_mm, ..Observation::default() };
-        Self { shared, clock, observation, targets_m: Vec::new(), table: None, recording, begin_again: None }
+        Self { shared, clock, observation, targets_m: Vec::new(), table: None, recording, journal, begin_again: None }
     }
 
-    /// Keeps the recording within its bounds, however long the run is.
-    fn bound_recording(&self) {
+    /// Keeps the files of the run within their bounds, however long it is.
+    fn bound_files(&self) {
         let bytes = self.recording.bytes();
-        if let Some(begin_again) = self.begin_again.filter(|_| bytes > STANDING_BYTES) {
+        if let Some(begin_again) = self.begin_again.filter(|_| bytes + self.journal.bytes() > STANDING_BYTES) {
             begin_again.store(true, Ordering::SeqCst);
         }
         if bytes > self.shared.store.limits.runs_bytes {
@@ -78,7 +80,7 @@ impl Sink for RunObserver<'_> {
         let part_in_sight = facts.blind || facts.tracks.iter().any(|track| track.frames_unseen == 0);
         self.shared.job.heartbeat.frame(now, facts.frame.exposed_at, part_in_sight);
         self.shared.job.set_observation(&self.observation, now);
-        self.bound_recording();
+        self.bound_files();
         self.shared.preview.offer(facts.frame, || self.marks(facts.tracks), now);
     }
 

@@ -66,6 +66,7 @@ impl PlateSupervisor {
                 preview: FramePreview::default(),
                 standing,
                 paused: Mutex::new(paused),
+                resumed_by: Mutex::default(),
                 pausing: Mutex::default(),
                 unnoted: Mutex::default(),
                 recorders: AtomicUsize::new(0),

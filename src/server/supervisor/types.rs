@@ -28,6 +28,9 @@ pub struct Plate {
     pub why: String,
     /// The cause of its pause; null unless it is paused.
     pub pause: Option<PauseCause>,
+    /// The operator who let it go on after its last pause; null where none is known, or the daemon has begun since.
+    #[serde(default)]
+    pub resumed_by: Option<String>,
     /// The newest observation of the run on it.
     #[serde(flatten)]
     pub observation: Observation,

@@ -187,7 +187,7 @@ impl PlateWorker {
         let give_way = standing.map_or(&never, |standing| &standing.give_way);
         let controls = RunControls { stop, give_way, interlock, pacing, cause: &|| shared.cause() };
         let clock = shared.clock;
-        let mut observer = RunObserver::new(shared, &clock, radii_m, recording.clone());
+        let mut observer = RunObserver::new(shared, &clock, radii_m, &options.recording_options);
         observer.begin_again = standing.filter(|_| job.is_endless()).map(|standing| &standing.give_way);
         run_linked(&job, Arc::clone(&shared.rules.library), folder, &options, &clock, controls, &mut observer)
             .map_err(|error| error.lines())

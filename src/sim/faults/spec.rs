@@ -32,7 +32,7 @@ pub enum FaultyComponent {
 
 impl FaultyComponent {
     /// Components without an index.
-    pub(super) const SINGLE: [Self; 8] =
+    const SINGLE: [Self; 8] =
         [Self::Camera, Self::Light, Self::View, Self::Coils, Self::Parts, Self::Plate, Self::Device, Self::Clock];
 
     /// The component named `name`: `camera`, `coil0`, `part12`.

@@ -3,14 +3,16 @@ use re_sdk_types::archetypes::{SeriesLines, SeriesPoints};
 use super::paint;
 use super::run_stream::{LogResult, RunStream, nanos};
 use upm_control::PulseFacts;
-use upm_core::signal::{AccelTrace, Drive, MISSING_SAMPLE, MOTORS};
+use upm_core::signal::{AccelTrace, Drive, Envelope, Follows, MISSING_SAMPLE, MOTORS};
 use upm_perception::estimation::PlateFit;
+use upm_planning::planner::PlannedPulse;
 
 /// Least number of samples of a motor's waveform per second, and per period of its highest harmonic.
 const MOTOR_HZ: f64 = 1000.0;
 const MOTOR_SAMPLES_A_PERIOD: f64 = 8.0;
 
-/// Number of base periods of a trace that are recorded, in the middle of the sustain.
+/// Number of base periods of a trace that are recorded, in the middle of the sustain. Of a motion without a pause its
+/// rise, which is all of it that is read: it fades from then on.
 const TRACE_PERIODS: f64 = 4.0;
 /// Largest number of samples of a trace per second.
 const TRACE_HZ: f64 = 2500.0;
@@ -93,11 +95,11 @@ pub(super) fn pulse(stream: &RunStream, pulse: &PulseFacts, drives: &mut Drives)
     let start_ns = nanos(pulse.started_at);
     let (motor_times_ns, counts) = drives.next(start_ns, &pulse.drive);
     stream.log_scalars("motors", motor_times_ns, counts);
-    let window = trace_window(&pulse.drive, &pulse.trace);
+    let is_segment = matches!(&pulse.planned, PlannedPulse::Field(field) if field.follows == Follows::Displacement);
+    let window = trace_window(&pulse.drive, &pulse.trace, is_segment);
     let times_s: Vec<f64> = window.iter().map(|&i| pulse.trace.time_s(i)).collect();
     // a last sample that is not a number ends the line, so that it is not connected to the next pulse
-    let end_s = times_s.last().map_or(0.0, |last| last + 1.0 / pulse.trace.sample_hz);
-    let ended_s = [&times_s[..], &[end_s]].concat();
+    let ended_s = [&times_s[..], &[times_s.last().map_or(0.0, |last| last + 1.0 / pulse.trace.sample_hz)]].concat();
     let fitted = |fit| times_s.iter().map(|&t_s| fitted_mps2(fit, t_s)).chain([[f64::NAN; 4]]).collect::<Vec<_>>();
     let fitted = pulse.fit.as_ref().ok().map(fitted);
     for (entity, channels) in ACCELEROMETERS.into_iter().zip([[0, 1], [2, 3]]) {
@@ -125,12 +127,13 @@ fn motor_times_s(drive: &Drive) -> Vec<f64> {
     (0..=steps).map(|i| (i as f64 / sample_hz).min(driven_s)).collect()
 }
 
-/// Indices of the samples in the middle of the sustain, thinned out.
-fn trace_window(drive: &Drive, trace: &AccelTrace) -> Vec<usize> {
-    let half_s = (0.5 * TRACE_PERIODS * std::f64::consts::TAU / drive.base_radps).min(0.5 * drive.envelope.sustain_s);
-    let middle_s = drive.envelope.attack_s + 0.5 * drive.envelope.sustain_s;
+/// Indices of the samples in the middle of the sustain, or of the attack, thinned out.
+fn trace_window(drive: &Drive, trace: &AccelTrace, in_attack: bool) -> Vec<usize> {
+    let Envelope { attack_s, sustain_s, .. } = drive.envelope;
+    let (from_s, length_s) = if in_attack { (0.0, attack_s) } else { (attack_s, sustain_s) };
+    let half_s = 0.5 * (TRACE_PERIODS * std::f64::consts::TAU / drive.base_radps).min(length_s);
     let stride = ((trace.sample_hz / TRACE_HZ) as usize).max(1);
-    let inside = |&i: &usize| (trace.time_s(i) - middle_s).abs() <= half_s;
+    let inside = |&i: &usize| (trace.time_s(i) - from_s - 0.5 * length_s).abs() <= half_s;
     (0..trace.len()).step_by(stride).filter(inside).collect()
 }
 
@@ -157,7 +160,7 @@ fn fitted_mps2(fit: &PlateFit, t_s: f64) -> [f64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use upm_core::signal::{Envelope, Harmonic};
+    use upm_core::signal::Harmonic;
 
     fn drive() -> Drive {
         let wave = vec![Harmonic { cos: 100.0, sin: 0.0 }; 2];
@@ -179,6 +182,16 @@ mod tests {
         assert_eq!((times_ns.first(), times_ns.last()), (Some(&5), Some(&end_ns)));
         assert!(counts[..MOTORS].iter().chain(&counts[counts.len() - MOTORS..]).all(|&count| count == 0.0));
         assert!(counts.iter().all(|count| count.fract() == 0.0) && counts.iter().any(|count| *count > 90.0));
+    }
+
+    #[test]
+    fn of_a_trace_the_middle_of_the_sustain_is_shown_or_the_rise_of_a_motion_without_pauses() {
+        let counts = [(); 4].map(|()| vec![1; 26]);
+        let trace =
+            AccelTrace { sample_hz: 1000.0, mps2_per_count: 0.01, count_limit: 99, counts, first_sample_s: 0.0 };
+        let window = |in_attack| trace_window(&drive(), &trace, in_attack);
+        assert_eq!((window(false).first(), window(false).last()), (Some(&10), Some(&25)), "as far as it goes");
+        assert_eq!((window(true).first(), window(true).last()), (Some(&0), Some(&10)));
     }
 
     #[test]

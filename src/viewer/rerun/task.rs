@@ -54,7 +54,7 @@ impl<P: Fn(Vec2) -> [f32; 2]> TaskOverlay<'_, P> {
         let lowest =
             |bin: &Bin| (self.place)(Vec2::new(0.5 * (bin.region.min_m.x + bin.region.max_m.x), bin.region.min_m.y));
         let names = Points2D::new(bins.iter().map(lowest))
-            .with_labels(bins.iter().map(|bin| bin_label(&bin.kinds)))
+            .with_labels(bins.iter().map(|bin| bin_label(&bin.kinds, &bin.parts)))
             .with_show_labels(true)
             .with_radii([thin(0.1)]);
         (rims.with_colors(colors.clone()).with_draw_order(-4.0), names.with_colors(colors))

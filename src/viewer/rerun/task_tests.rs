@@ -38,6 +38,7 @@ fn text_of([r, g, b]: [u8; 3]) -> String {
 fn bins_are_drawn_in_the_colour_of_their_kind_in_both_views() {
     let bin = |kind: &str, x: f64| Bin {
         kinds: vec![kind.to_owned()],
+        parts: Vec::new(),
         region: Region { min_m: Vec2::new(x, -0.05), max_m: Vec2::new(x + 0.06, 0.05) },
     };
     let store = recorded(2, |context| {

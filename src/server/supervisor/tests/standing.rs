@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::states::{StandingJob, StandingState};
+use crate::supervisor::current_job::RunningJob;
 use upm_runner::config::{JobSpec, Origin};
 
 /// A standing job at the greatest pace, with the parts and the task given.
@@ -94,16 +95,20 @@ fn standing_job_runs_when_idle_gives_way_to_a_queued_job_and_runs_again() {
 }
 
 #[test]
-fn endless_standing_job_begins_again_when_its_recording_is_large() {
+fn endless_standing_job_begins_again_when_its_recording_or_its_journal_is_large() {
     let test_plates = test_plates(endless());
     let plates = ShutDownPlates(test_plates.open(None));
     let plate = plates.get("one").unwrap();
-    let first = cycling(plate);
-    plate.job.running().unwrap().recording.add_bytes(33_000_000);
-    let ended = test_plates.ended(&first);
-    let stop = &ended.report.as_ref().unwrap()["stop"];
-    assert_eq!((ended.state, &stop["code"]), (JobState::Completed, &"gave_way".into()));
-    assert!(cycling(plate) != first);
+    let is_large: [fn(&RunningJob); 2] =
+        [|run| run.recording.add_bytes(33_000_000), |run| run.journal.add_bytes(33_000_000)];
+    for is_large in is_large {
+        let first = cycling(plate);
+        is_large(&plate.job.running().unwrap());
+        let ended = test_plates.ended(&first);
+        let stop = &ended.report.as_ref().unwrap()["stop"];
+        assert_eq!((ended.state, &stop["code"]), (JobState::Completed, &"gave_way".into()));
+        assert!(cycling(plate) != first);
+    }
 }
 
 #[test]

@@ -40,9 +40,9 @@ pub(super) fn plan_chart(planned: &PlanReport<'_>) -> Chart {
 /// Rims of the bins, each in the colour of its kind.
 fn bins(layout: &JobLayout, palette: &Palette) -> impl Iterator<Item = Layer> {
     layout.bins.iter().map(|bin| {
-        let Bin { kinds, region } = bin;
+        let Bin { kinds, parts, region } = bin;
         let color = palette.of_bin(kinds).map_or(Color::Gray, Color::Rgb);
-        Layer::new(&bin_label(kinds), Mark::Line, color, bin_outline(at_mm(region.min_m), at_mm(region.max_m)))
+        Layer::new(&bin_label(kinds, parts), Mark::Line, color, bin_outline(at_mm(region.min_m), at_mm(region.max_m)))
     })
 }
 

@@ -119,7 +119,8 @@ pub(super) fn plate_line(plate: &Plate) -> String {
         PlateState::Stopped => format!("{why} (upm reset {name} --operator NAME --reason TEXT)"),
     };
     let state = plate.state.code();
-    on_one_line(format!("{name:16} {state:8} {queued:4} queued  {doing}").trim_end())
+    let resumed = plate.resumed_by.as_ref().map(|operator| format!("  resumed by {operator}")).unwrap_or_default();
+    on_one_line(format!("{name:16} {state:8} {queued:4} queued  {doing}{resumed}").trim_end())
 }
 
 /// Line for a standing job that is not running.

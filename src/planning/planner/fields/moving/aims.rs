@@ -9,7 +9,8 @@ use upm_core::units::GRAVITY_MPS2;
 
 /// Largest speed with which parts approach each other or the edge, per distance left, 1/s.
 pub(super) const CLOSING_PER_S: f64 = 5.0;
-/// Distance beyond the configured ones at which wishes begin to keep clear, m: the forecast's error in a segment.
+/// Distance beyond the configured ones at which wishes begin to keep clear, m: the forecast's error in a segment. Two
+/// parts that come to rest nearer to each other keep as clear as their targets: dense rows would be pushed apart.
 const SPARE_M: f64 = 0.3e-3;
 /// Gap from which on a pair is far, m.
 const FAR_M: f64 = 0.05;
@@ -184,10 +185,14 @@ fn keep_clear(parts: &[MovingPart], params: &PlannerParams, places_m: &[Vec2], v
         for i in 0..parts.len() {
             for j in 0..i {
                 let apart_m = places_m[i] - places_m[j];
-                let gap_m = apart_m.norm() - parts[i].disc.radius_m - parts[j].disc.radius_m;
+                let radii_m = parts[i].disc.radius_m + parts[j].disc.radius_m;
+                let gap_m = apart_m.norm() - radii_m;
                 let Some(normal) = apart_m.try_normalize(0.0).filter(|_| gap_m < FAR_M) else { continue };
                 let closing_mps = -normal.dot(&(velocities_mps[i] - velocities_mps[j]));
-                let excess_mps = closing_mps - CLOSING_PER_S * (gap_m - params.separation_m - SPARE_M);
+                let at_targets_m = (parts[i].target_m - parts[j].target_m).norm() - radii_m - params.separation_m;
+                let comes_to_rest = parts[i].along_mps.is_none() && parts[j].along_mps.is_none();
+                let spare_m = if comes_to_rest { at_targets_m.clamp(0.0, SPARE_M) } else { SPARE_M };
+                let excess_mps = closing_mps - CLOSING_PER_S * (gap_m - params.separation_m - spare_m);
                 if excess_mps > 0.0 {
                     velocities_mps[i] += normal * (0.5 * excess_mps);
                     velocities_mps[j] -= normal * (0.5 * excess_mps);

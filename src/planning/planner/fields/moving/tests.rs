@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use rand::RngExt as _;
 
-use super::aims::Heading;
+use super::aims::{Aims, Heading, MovingPart};
 use super::planner::{MovingPlanner, Segment};
 use crate::cor_library::Library;
 use crate::planner::PlannerParams;
+use crate::planner::fields::rollout::RolloutDisc;
 use crate::planner::fields::tests::upm_2;
 use crate::planner::fixture::PENNY_M;
 use crate::planner::friction::friction_of;
@@ -123,14 +124,37 @@ struct Outcome {
     gap_m: f64,
 }
 
+fn params() -> PlannerParams {
+    let params = crate::planner::fixture::params();
+    PlannerParams { half_side_m: HALF_SIDE_M, edge_margin_m: 0.0015, separation_m: 0.002, ..params }
+}
+
 fn planner(library: &Arc<Library>, count: usize) -> MovingPlanner {
-    let params = PlannerParams {
-        half_side_m: HALF_SIDE_M,
-        edge_margin_m: 0.0015,
-        separation_m: 0.002,
-        ..crate::planner::fixture::params()
+    MovingPlanner::new(library, params(), &vec![PENNY_M; count]).unwrap()
+}
+
+#[test]
+fn parts_at_dense_targets_are_not_pushed_apart() {
+    // at rest in a row, with these gaps: the largest wish to move, m/s
+    let asked_mps = |gap_m: f64, at_targets_m: f64| {
+        let place_m = |i: usize, gap_m: f64| Vec2::new((2.0 * PENNY_M + gap_m) * i as f64, 0.0);
+        let part = |i: usize| MovingPart {
+            disc: RolloutDisc {
+                position_m: place_m(i, gap_m),
+                velocity_mps: Vec2::zeros(),
+                radius_m: PENNY_M,
+                friction: 0.3,
+            },
+            drift_mps: Vec2::zeros(),
+            target_m: place_m(i, at_targets_m),
+            beyond_m: 0.0,
+            along_mps: None,
+        };
+        let wish = Aims::default().wish(&[0, 1, 2, 3, 4, 5].map(part), &params(), 0.08);
+        wish.changes_mps.iter().map(|change| change.norm()).fold(0.0, f64::max)
     };
-    MovingPlanner::new(library, params, &vec![PENNY_M; count]).unwrap()
+    assert!(asked_mps(2.05e-3, 2.05e-3) < 1e-9);
+    assert!(asked_mps(1.9e-3, 1.9e-3) > 1e-4, "nearer than they may be");
 }
 
 fn arranged(library: &Arc<Library>, count: usize, seed: u64, limit_s: f64) -> Outcome {
