@@ -59,9 +59,9 @@ pub enum Command {
     Simulate(SimulateArgs),
     /// Open a run in the Rerun viewer
     Replay(RunFolderArgs),
-    /// Run a job again from its run folder alone and compare the journals byte for byte
+    /// Run a job again from its run folder alone, or those of a data set, and compare the journals byte for byte
     Verify(RunFolderArgs),
-    /// Write a run as tables: positions, targets, pulses, timings
+    /// Write a run as tables (positions, targets, pulses, timings), or runs as a LeRobot data set or as MCAP
     Export(ExportArgs),
     /// The daemon: jobs over HTTP, several plates, an operator page
     #[cfg(feature = "daemon")]
