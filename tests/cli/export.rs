@@ -143,7 +143,7 @@ fn killed_run_is_exported_as_far_as_it_went() {
     assert_eq!(rows.len(), 2 * cycles, "two parts a cycle");
     assert!(rows.iter().all(|row| row["id"].is_empty() && !row["part"].is_empty()));
     assert_eq!(table(&beside.join("timings.csv")).len(), 0);
-    assert_eq!(summary["files"].as_array().unwrap().len(), 4);
+    assert_eq!(summary["files"].as_array().unwrap().len(), 5);
 }
 
 #[test]
@@ -163,7 +163,7 @@ fn invalid_run_folder_is_refused_in_one_line_without_tables() {
     refused("report.json", Some("{\"name\": 3}"));
     assert!(!to.exists());
     let (_, stderr) = status(&["export", run.to_str().unwrap()], 2);
-    assert_eq!(stderr, "upm: export: expected --csv, --parquet or both, found neither\n");
+    assert_eq!(stderr, "upm: export: expected --csv, --parquet, --lerobot DIR or --mcap FILE, found none of them\n");
 }
 
 #[test]

@@ -205,8 +205,8 @@ impl Episode {
         let TaskSpec::Sort { bins } = &job.task else {
             return self.distances_m().all(|distance_m| distance_m <= job.tolerance_m);
         };
-        self.plate.true_m().zip(&self.plate.parts).all(|(place_m, part)| {
-            bins.iter().any(|bin| bin.kinds.contains(&part.kind) && bin.inside_m(place_m, part.params.radius_m) >= 0.0)
+        self.plate.true_m().zip(&self.plate.parts).enumerate().all(|(index, (place_m, part))| {
+            bins.iter().any(|bin| bin.parts.contains(&index) && bin.inside_m(place_m, part.params.radius_m) >= 0.0)
         })
     }
 

@@ -59,11 +59,11 @@ pub enum Command {
     Simulate(SimulateArgs),
     /// Open a run in the Rerun viewer
     Replay(RunFolderArgs),
-    /// Run a job again from its run folder alone and compare the journals byte for byte
+    /// Run a job again from its run folder alone, or those of a data set, and compare the journals byte for byte
     Verify(RunFolderArgs),
     /// Run standard tasks without pixels and print a row of figures for each run, or repeat such rows
     Benchmark(BenchmarkArgs),
-    /// Write a run as tables: positions, targets, pulses, timings
+    /// Write a run as tables (positions, targets, pulses, timings), or runs as a LeRobot data set or as MCAP
     Export(ExportArgs),
     /// The daemon: jobs over HTTP, several plates, an operator page
     #[cfg(feature = "daemon")]

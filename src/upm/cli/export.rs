@@ -1,42 +1,72 @@
-//! `upm export`: writes a run as tables, for programs that do not read journals.
+//! `upm export`: writes runs as tables, data sets and logs, for programs that do not read journals.
 
+mod dataset;
+mod files;
+mod mcap_file;
 mod parquet_file;
 mod tables;
 
 use std::fs::{self, File};
-use std::io::{self, BufRead, BufReader, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
 use super::args::Common;
-use super::output::{Failure, print};
-use super::run_args::ExportArgs;
+use super::output::{Failure, check_ending, print};
+use super::progress::LateProgress;
+use super::run_args::{ExportArgs, RunFolderArgs};
 use super::run_folder::run_folder;
+use files::{Drafts, JOURNAL, draft_of, read_failed, read_lines, report_of};
 use parquet_file::ParquetFile;
-use tables::{Column, TABLES, Table};
-use upm_recording::Report;
-use upm_runner::config::reason;
+use tables::{Column, TABLES, Table, text};
 
-/// Largest report that is read, and longest line of a journal, bytes; a cycle of some hundred pulses is far shorter.
-const MOST_REPORT_BYTES: u64 = 16 << 20;
-const LONGEST_LINE: u64 = 16 << 20;
+pub(super) use dataset::{differing_files, episodes_in};
 
-const EXPECTED: &str = "expected what `upm run` left in a run folder";
+/// Rows of a row group of a table.
+const GROUP_ROWS: usize = 1 << 16;
 
-/// Writes the tables of a run folder.
+/// Writes run folders in the forms that are asked for.
 pub(super) fn export(args: &ExportArgs, common: Common) -> Result<u8, Failure> {
-    if !args.csv && !args.parquet {
-        return Err(Failure::bad_input("export: expected --csv, --parquet or both, found neither"));
+    let has_tables = args.csv || args.parquet;
+    let refusal = |text: &str| Err(Failure::bad_input(format!("export: expected {text}")));
+    if !has_tables && args.lerobot.is_none() && args.mcap.is_none() {
+        return refusal("--csv, --parquet, --lerobot DIR or --mcap FILE, found none of them");
     }
-    let run = run_folder(&args.run)?;
-    let report = report_of(&run)?;
-    let path = run.join("journal.jsonl");
-    let journal = File::open(&path).map_err(|error| read_failed(&path, &error))?;
-    let folder = args.to.clone().unwrap_or_else(|| beside(&run));
-    let mut files = TableFiles::create(&folder, args)?;
-    let parts = report.as_ref().map_or(Value::Null, |report| json!(report.parts));
-    files.add_journal(&path, journal, &parts)?;
+    if has_tables && args.runs.len() > 1 {
+        return refusal(&format!("one RUN for --csv and --parquet, found {}", args.runs.len()));
+    }
+    args.mcap.iter().try_for_each(|file| check_ending("--mcap", file, &["mcap"]))?;
+    let of = |run: &PathBuf| run_folder(&RunFolderArgs { run: run.clone(), out: args.out.clone() });
+    let runs = args.runs.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+    let mut progress = LateProgress::new(common);
+    let mut show = |done, run: &Path| progress.show(done, || run.display().to_string());
+    let (mut result, mut written) = (json!({}), Vec::new());
+    if let (true, [run]) = (has_tables, &*runs) {
+        let folder = args.to.clone().unwrap_or_else(|| beside(run));
+        written.extend(tables(run, &folder, args)?);
+        result["folder"] = folder.display().to_string().into();
+    }
+    if let Some(folder) = &args.lerobot {
+        written.push((folder.clone(), dataset::write(folder, &runs, &mut show)?));
+    }
+    if let Some(file) = &args.mcap {
+        written.push((file.clone(), mcap_file::write(file, &runs, &mut show)?));
+    }
+    progress.finish();
+    let rows = written.iter().map(|(path, rows)| json!({ "file": path.display().to_string(), "rows": rows }));
+    result["files"] = rows.collect();
+    let print_rows = || written.iter().try_for_each(|(path, rows)| outln!("{}: {rows} rows", path.display()));
+    print(common.json, &result, print_rows)
+}
+
+/// Writes the tables of the run folder `run` into `folder`; their paths and numbers of rows.
+fn tables(run: &Path, folder: &Path, args: &ExportArgs) -> Result<Vec<(PathBuf, u64)>, Failure> {
+    let report = report_of(run)?;
+    // nothing is created without a journal
+    File::open(run.join(JOURNAL)).map_err(|error| read_failed(&run.join(JOURNAL), &error))?;
+    let mut files = TableFiles::create(folder, args)?;
+    files.add_journal(run)?;
     match &report {
         Some(report) => {
             let timings: Vec<_> = json!(report.timing_us).as_object().into_iter().flatten().map(|t| json!(t)).collect();
@@ -44,11 +74,7 @@ pub(super) fn export(args: &ExportArgs, common: Common) -> Result<u8, Failure> {
         }
         None => tracing::warn!("{}: no report.json: no names of parts and no timings", run.display()),
     }
-    let written = files.finish()?;
-    let rows = written.iter().map(|(path, rows)| json!({ "file": path.display().to_string(), "rows": rows }));
-    let result = json!({ "folder": folder.display().to_string(), "files": rows.collect::<Vec<Value>>() });
-    let print_rows = || written.iter().try_for_each(|(path, rows)| outln!("{}: {rows} rows", path.display()));
-    print(common.json, &result, print_rows)
+    files.finish()
 }
 
 /// Default output folder, beside the run folder `run` and named after it.
@@ -58,21 +84,6 @@ fn beside(run: &Path) -> PathBuf {
     let mut name = run.file_name().unwrap_or_default().to_owned();
     name.push("-tables");
     run.with_file_name(name)
-}
-
-fn read_failed(path: &Path, error: &io::Error) -> Failure {
-    Failure::bad_input(format!("cannot read {}: {}; {EXPECTED}", path.display(), reason(error)))
-}
-
-/// Report of the run; `None` for a run that never ended.
-fn report_of(run: &Path) -> Result<Option<Report>, Failure> {
-    let path = run.join("report.json");
-    let file = match File::open(&path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        opened => opened.map_err(|error| Failure::read_failed(&path, &error))?,
-    };
-    let report = serde_json::from_reader(BufReader::new(file.take(MOST_REPORT_BYTES)));
-    report.map(Some).map_err(|error| Failure::bad_input(format!("{}: {EXPECTED}, found {error}", path.display())))
 }
 
 /// File of a table in one format.
@@ -91,22 +102,7 @@ enum TableWriter {
 
 struct TableFiles {
     files: Vec<TableFile>,
-    drafts: Drafts,
-}
-
-/// Files that are not whole yet; those that are left are removed.
-#[derive(Default)]
-struct Drafts(Vec<PathBuf>);
-
-impl Drop for Drafts {
-    fn drop(&mut self) {
-        self.0.iter().for_each(|draft| fs::remove_file(draft).unwrap_or_default());
-    }
-}
-
-/// Name of the table file `path` until it is whole.
-fn draft_of(path: &Path) -> PathBuf {
-    path.with_added_extension("part")
+    _drafts: Drafts,
 }
 
 impl TableFiles {
@@ -124,38 +120,12 @@ impl TableFiles {
         let endings = [(args.csv, "csv"), (args.parquet, "parquet")].into_iter().filter(|(is_asked, _)| *is_asked);
         let tables = endings.flat_map(|(_, ending)| TABLES.iter().map(move |table| (table, ending)));
         let files = tables.map(|(table, ending)| create(table, ending)).collect::<Result<_, Failure>>()?;
-        Ok(Self { files, drafts })
+        Ok(Self { files, _drafts: drafts })
     }
 
-    /// Writes the rows of all lines of `journal`. An incomplete last line, as a killed run leaves it, counts as its
-    /// end.
-    fn add_journal(&mut self, path: &Path, journal: File, parts: &Value) -> Result<(), Failure> {
-        let mut journal = BufReader::new(journal);
-        let mut bytes = Vec::new();
-        for number in 1.. {
-            bytes.clear();
-            let read = journal.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut bytes);
-            let read = read.map_err(|error| read_failed(path, &error))?;
-            let fault = |found: String| {
-                Failure::bad_input(format!("{}: line {number}: {EXPECTED}, found {found}", path.display()))
-            };
-            if read as u64 == LONGEST_LINE && !bytes.ends_with(b"\n") {
-                return Err(fault(format!("more than {LONGEST_LINE} bytes")));
-            }
-            if !bytes.ends_with(b"\n") {
-                if read > 0 {
-                    tracing::warn!("{}: ends in half a line: the run was killed", path.display());
-                }
-                break;
-            }
-            let mut line: Value = serde_json::from_slice(&bytes).map_err(|error| fault(error.to_string()))?;
-            let Some(kind) = line.get("type").and_then(Value::as_str).map(str::to_owned) else {
-                return Err(fault("no type".to_owned()));
-            };
-            line["parts"] = parts.clone();
-            self.add(&kind, &line, fault)?;
-        }
-        Ok(())
+    /// Writes the rows of all lines of the journal in folder `run`.
+    fn add_journal(&mut self, run: &Path) -> Result<(), Failure> {
+        read_lines(run, |line| self.add(&line.kind, &line.content, |found| line.fault(found)))
     }
 
     /// Adds the rows of a line of this type to all tables; `fault` is for what the line lacks.
@@ -163,22 +133,20 @@ impl TableFiles {
         self.files.iter_mut().filter(|file| file.table.lines.iter().any(|of| of == kind)).try_for_each(|file| {
             let rows = file.table.rows(line).map_err(&fault)?;
             file.rows += rows.len() as u64;
-            rows.iter().try_for_each(|row| file.writer.row(row)).map_err(|error| Failure::write(&file.path, error))
+            let path = &file.path;
+            rows.into_iter().try_for_each(|row| file.writer.row(row)).map_err(|error| Failure::write(path, error))
         })
     }
 
     /// Closes the files and gives them their names; their paths and numbers of rows.
-    fn finish(self) -> Result<Vec<(PathBuf, u64)>, Failure> {
-        let finish = |TableFile { path, writer, rows, .. }| match writer.finish() {
-            Ok(()) => Ok((path, rows)),
-            Err(error) => Err(Failure::write(&path, error)),
-        };
-        let whole: Vec<(PathBuf, u64)> = self.files.into_iter().map(finish).collect::<Result<_, _>>()?;
-        let name =
-            |(path, _): &(PathBuf, u64)| fs::rename(draft_of(path), path).map_err(|error| Failure::write(path, error));
-        whole.iter().try_for_each(name)?;
-        drop(self.drafts);
-        Ok(whole)
+    fn finish(mut self) -> Result<Vec<(PathBuf, u64)>, Failure> {
+        for TableFile { path, writer, .. } in &mut self.files {
+            writer.finish().map_err(|error| Failure::write(path, error))?;
+        }
+        for TableFile { path, .. } in &self.files {
+            fs::rename(draft_of(path), path).map_err(|error| Failure::write(path, error))?;
+        }
+        Ok(self.files.into_iter().map(|file| (file.path, file.rows)).collect())
     }
 }
 
@@ -193,27 +161,25 @@ impl TableWriter {
     }
 
     /// Appends a row with one value per column.
-    fn row(&mut self, row: &[Value]) -> io::Result<()> {
+    fn row(&mut self, row: Vec<Value>) -> io::Result<()> {
         match self {
             Self::Csv(file) => Ok(file.write_record(row.iter().map(text))?),
-            Self::Parquet(file) => file.row(row),
+            Self::Parquet(file) => {
+                if file.rows([row]) < GROUP_ROWS {
+                    Ok(())
+                } else {
+                    file.end_group()
+                }
+            }
         }
     }
 
     /// Writes buffered rows and closes the file.
-    fn finish(self) -> io::Result<()> {
+    fn finish(&mut self) -> io::Result<()> {
         match self {
-            Self::Csv(mut file) => file.flush(),
+            Self::Csv(file) => file.flush(),
             Self::Parquet(file) => file.finish(),
         }
-    }
-}
-
-fn text(value: &Value) -> String {
-    match value {
-        Value::Null => String::new(),
-        Value::String(text) => text.clone(),
-        other => other.to_string(),
     }
 }
 
@@ -224,12 +190,12 @@ mod tests {
     /// Exports a journal of this text as CSV; the rows of its pulses, or the fault.
     fn exported(text: &str) -> Result<u64, String> {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("journal.jsonl");
-        fs::write(&path, text).unwrap();
-        let run = crate::cli::run_args::RunFolderArgs { run: folder.path().into(), out: "runs".into() };
-        let args = ExportArgs { run, csv: true, parquet: true, to: None };
+        fs::write(folder.path().join("journal.jsonl"), text).unwrap();
+        let runs = vec![folder.path().into()];
+        let args =
+            ExportArgs { runs, out: "runs".into(), csv: true, parquet: true, to: None, lerobot: None, mcap: None };
         let mut files = TableFiles::create(&folder.path().join("tables"), &args).unwrap();
-        let added = files.add_journal(&path, File::open(&path).unwrap(), &Value::Null);
+        let added = files.add_journal(folder.path());
         added.map_err(|failure| failure.lines.join("\n"))?;
         Ok(files.finish().unwrap()[2].1)
     }

@@ -37,11 +37,17 @@ pub struct RunFolderArgs {
 #[derive(Args, Debug)]
 #[command(
     after_help = "Tables: positions, targets and pulses come from the journal, timings from the report. Columns carry \
-                        their unit; a value that the run does not have is empty."
+                  their unit; a value that the run does not have is empty.\n\n\
+                  Data set: an episode for each run, all with as many parts and the same kind of task; a frame for each \
+                  cycle, its columns in meta/info.json. `upm verify DIR` repeats every episode."
 )]
 pub struct ExportArgs {
-    #[command(flatten)]
-    pub run: RunFolderArgs,
+    /// Run folders, as `upm run` leaves them, unique prefixes of their names, or last for the newest; tables are of one
+    #[arg(value_name = "RUN", required = true)]
+    pub runs: Vec<PathBuf>,
+    /// Folder that runs are looked for in by name
+    #[arg(long, value_name = "DIR", default_value = "runs")]
+    pub out: PathBuf,
     /// Write each table as comma-separated values: positions.csv, targets.csv, pulses.csv, timings.csv
     #[arg(long)]
     pub csv: bool,
@@ -51,6 +57,12 @@ pub struct ExportArgs {
     /// Folder that the tables go into [default: RUN-tables beside the run folder]
     #[arg(long, value_name = "DIR")]
     pub to: Option<PathBuf>,
+    /// Write a LeRobot data set (v3.0) into this new folder
+    #[arg(long, value_name = "DIR")]
+    pub lerobot: Option<PathBuf>,
+    /// Write positions, targets, pulses and events as MCAP, in JSON, at plate time
+    #[arg(long, value_name = "FILE.mcap")]
+    pub mcap: Option<PathBuf>,
 }
 
 /// Reads a pace by its name.

@@ -1,10 +1,12 @@
 use std::path::Path;
+use std::sync::atomic::Ordering;
 
 use serde_json::{Value, json};
 
 use super::args::Common;
-use super::output::{Failure, INTERRUPTED, NOT_REACHED, print_json, stop_on_interrupt};
-use super::progress::RunProgress;
+use super::export::{differing_files, episodes_in};
+use super::output::{Failure, INTERRUPTED, NOT_REACHED, print, stop_on_interrupt};
+use super::progress::{LateProgress, RunProgress};
 use super::run::run_failure;
 use super::run_args::RunFolderArgs;
 use super::run_folder::run_folder;
@@ -14,23 +16,35 @@ use upm_runner::run::{Extent, PacingStats, Verification, maker, maker_of, verify
 const SHOWN: usize = 160;
 
 pub(super) fn verify(args: &RunFolderArgs, common: Common) -> Result<u8, Failure> {
-    let run = run_folder(args)?;
+    let folder = run_folder(args)?;
+    let episodes = episodes_in(&folder);
+    let is_set = !episodes.is_empty();
+    let runs = if is_set { episodes } else { vec![folder.clone()] };
     let stop = stop_on_interrupt();
     // at full speed: the repetition has no clock to keep up with
     let pacing = PacingStats::default();
     let mut progress = RunProgress::new(common, &pacing);
-    let verdict = verify_run(&run, &stop, &mut progress);
+    let until_stop = runs.iter().take_while(|_| !stop.load(Ordering::Relaxed));
+    let verdicts = until_stop.map(|run| verify_run(run, &stop, &mut progress)).collect::<Result<Vec<_>, _>>();
     progress.finish();
-    if stop.load(std::sync::atomic::Ordering::Relaxed) {
+    if stop.load(Ordering::Relaxed) {
         return Ok(INTERRUPTED);
     }
-    let verdict = verdict.map_err(|error| run_failure(&error))?;
-    if common.json {
-        print_json(&as_json(&run, &verdict))?
-    } else {
-        print_verdict(&run, &verdict)?
-    }
-    Ok(if matches!(verdict, Verification::Equal { .. }) { 0 } else { NOT_REACHED })
+    let verdicts = verdicts.map_err(|error| run_failure(&error))?;
+    let mut progress = LateProgress::new(common);
+    let show = |done, run: &Path| progress.show(done, || run.display().to_string());
+    let differ = if is_set { differing_files(&folder, show)? } else { Vec::new() };
+    progress.finish();
+    let are_equal = verdicts.iter().all(|verdict| matches!(verdict, Verification::Equal { .. })) && differ.is_empty();
+    let told: Value = runs.iter().zip(&verdicts).map(|(run, verdict)| as_json(run, verdict)).collect();
+    let of_set = json!({ "equal": are_equal, "episodes": told, "files_that_differ": differ });
+    print(common.json, if is_set { &of_set } else { &told[0] }, || {
+        runs.iter().zip(&verdicts).try_for_each(|(run, verdict)| print_verdict(run, verdict))?;
+        differ.iter().try_for_each(|file| outln!("{file}: differs from what the episodes give"))?;
+        let (set, count) = (folder.display(), runs.len());
+        if is_set && are_equal { outln!("{set}: {count} episodes and all files are equal") } else { Ok(()) }
+    })?;
+    Ok(if are_equal { 0 } else { NOT_REACHED })
 }
 
 fn as_json(run: &Path, verdict: &Verification) -> Value {

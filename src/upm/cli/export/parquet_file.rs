@@ -1,11 +1,13 @@
 use std::fs::File;
 use std::io;
 use std::path::Path;
+use std::slice;
 use std::sync::Arc;
 
 use parquet::basic::{LogicalType, Repetition, Type as Physical};
-use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
+use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, FloatType, Int64Type};
 use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::{Type, TypePtr};
@@ -13,10 +15,7 @@ use serde_json::Value;
 
 use super::tables::{Column, Kind, Table};
 
-/// Rows of a row group, which is buffered in memory until it is written.
-const GROUP_ROWS: usize = 1 << 16;
-
-/// Apache Parquet file, uncompressed, with every column optional.
+/// Apache Parquet file, uncompressed. Values that are no list are optional.
 pub(super) struct ParquetFile {
     file: SerializedFileWriter<File>,
     table: &'static Table,
@@ -30,30 +29,40 @@ impl ParquetFile {
         Ok(Self { file, table, rows: Vec::new() })
     }
 
-    pub fn row(&mut self, row: &[Value]) -> io::Result<()> {
-        self.rows.push(row.to_vec());
-        if self.rows.len() < GROUP_ROWS { Ok(()) } else { Ok(self.write_group()?) }
+    /// Appends rows to the present row group, which is in memory until it ends; returns its number of rows.
+    pub fn rows(&mut self, rows: impl IntoIterator<Item = Vec<Value>>) -> usize {
+        self.rows.extend(rows);
+        self.rows.len()
     }
 
-    /// Writes buffered rows and closes the file.
-    pub fn finish(mut self) -> io::Result<()> {
+    /// Adds text about the file to its metadata.
+    pub fn note(&mut self, key: &str, text: String) {
+        self.file.append_key_value_metadata(KeyValue::new(key.to_owned(), text));
+    }
+
+    /// Writes the last row group and closes the file.
+    pub fn finish(&mut self) -> io::Result<()> {
         if !self.rows.is_empty() {
-            self.write_group()?;
+            self.end_group()?;
         }
-        self.file.close()?;
+        self.file.finish()?;
         Ok(())
     }
 
-    fn write_group(&mut self) -> Result<(), ParquetError> {
+    /// Writes the present row group.
+    pub fn end_group(&mut self) -> io::Result<()> {
         let mut group = self.file.next_row_group()?;
         for (index, Column(_, kind, _)) in self.table.columns.iter().enumerate() {
             let Some(mut column) = group.next_column()? else { break };
             let values: Vec<&Value> = self.rows.iter().filter_map(|row| row.get(index)).collect();
             match kind {
-                Kind::Whole => write::<Int64Type>(&mut column, &values, Value::as_i64)?,
-                Kind::Real => write::<DoubleType>(&mut column, &values, Value::as_f64)?,
-                Kind::Flag => write::<BoolType>(&mut column, &values, Value::as_bool)?,
-                Kind::Text => {
+                Kind::Integer | Kind::Integers => write::<Int64Type>(&mut column, &values, Value::as_i64)?,
+                Kind::Number | Kind::Numbers => write::<DoubleType>(&mut column, &values, Value::as_f64)?,
+                Kind::Single | Kind::Singles => {
+                    write::<FloatType>(&mut column, &values, |value| value.as_f64().map(|value| value as f32))?
+                }
+                Kind::Boolean => write::<BoolType>(&mut column, &values, Value::as_bool)?,
+                Kind::String | Kind::Strings => {
                     write::<ByteArrayType>(&mut column, &values, |value| value.as_str().map(ByteArray::from))?
                 }
             }
@@ -65,27 +74,41 @@ impl ParquetFile {
     }
 }
 
-/// Writes a column: the definition level of each row is 1 where it has a value.
+/// Writes a column: the definition level of each value is 1 where there is one, its repetition level 1 within a list.
 fn write<T: DataType>(
     column: &mut SerializedColumnWriter<'_>,
     values: &[&Value],
     of: impl Fn(&Value) -> Option<T::T>,
 ) -> Result<(), ParquetError> {
-    let levels: Vec<i16> = values.iter().map(|value| i16::from(!value.is_null())).collect();
-    let present: Vec<T::T> = values.iter().filter_map(|value| of(value)).collect();
-    column.typed::<T>().write_batch(&present, Some(&levels), None).map(drop)
+    let (mut present, mut defined, mut repeated) = (Vec::new(), Vec::new(), Vec::new());
+    for value in values {
+        for (index, item) in value.as_array().map_or(slice::from_ref(*value), Vec::as_slice).iter().enumerate() {
+            defined.push(i16::from(!item.is_null()));
+            repeated.push(i16::from(index > 0));
+            present.extend(of(item));
+        }
+    }
+    column.typed::<T>().write_batch(&present, Some(&defined), Some(&repeated)).map(drop)
 }
 
 fn schema(table: &Table) -> Result<TypePtr, ParquetError> {
     let field = |Column(name, kind, _): &Column| {
         let (physical, logical) = match kind {
-            Kind::Whole => (Physical::INT64, None),
-            Kind::Real => (Physical::DOUBLE, None),
-            Kind::Flag => (Physical::BOOLEAN, None),
-            Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+            Kind::Integer | Kind::Integers => (Physical::INT64, None),
+            Kind::Number | Kind::Numbers => (Physical::DOUBLE, None),
+            Kind::Single | Kind::Singles => (Physical::FLOAT, None),
+            Kind::Boolean => (Physical::BOOLEAN, None),
+            Kind::String | Kind::Strings => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
         };
-        let field = Type::primitive_type_builder(name, physical).with_repetition(Repetition::OPTIONAL);
-        field.with_logical_type(logical).build().map(Arc::new)
+        let of = |name| Type::primitive_type_builder(name, physical).with_logical_type(logical.clone());
+        if !matches!(kind, Kind::Integers | Kind::Numbers | Kind::Singles | Kind::Strings) {
+            return of(name).with_repetition(Repetition::OPTIONAL).build().map(Arc::new);
+        }
+        let item = of("element").with_repetition(Repetition::REQUIRED).build()?;
+        let items = Type::group_type_builder("list").with_repetition(Repetition::REPEATED);
+        let items = items.with_fields(vec![Arc::new(item)]).build()?;
+        let list = Type::group_type_builder(name).with_repetition(Repetition::REQUIRED);
+        list.with_logical_type(Some(LogicalType::List)).with_fields(vec![Arc::new(items)]).build().map(Arc::new)
     };
     let fields = table.columns.iter().map(field).collect::<Result<_, _>>()?;
     Type::group_type_builder(&table.name).with_fields(fields).build().map(Arc::new)

@@ -2,17 +2,23 @@
 
 use std::sync::LazyLock;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-/// Type of the values of a column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+/// Type of the values of a column, but for single precision by its name in JSON Schema.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Kind {
-    Whole,
-    Real,
-    Flag,
-    Text,
+    Integer,
+    Number,
+    Boolean,
+    String,
+    Single,
+    /// Lists of these.
+    Integers,
+    Numbers,
+    Strings,
+    Singles,
 }
 
 /// Name, with the unit where there is one, type, and JSON pointer to the value in a line. In the pointer `#` is the
@@ -21,7 +27,7 @@ pub(super) enum Kind {
 pub(super) struct Column(pub String, pub Kind, pub String);
 
 /// A table of a run.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Table {
     /// Stem of the file name.
@@ -29,7 +35,7 @@ pub(super) struct Table {
     /// Types of the lines that add rows; `report` for the report.
     pub lines: Vec<String>,
     pub columns: Vec<Column>,
-    /// JSON pointers to lists in a line: it adds as many rows as the longest has items.
+    /// JSON pointers to lists in a line: it adds as many rows as the longest has items; one row without lists.
     lists: Vec<String>,
 }
 
@@ -44,7 +50,7 @@ pub(super) static TABLES: LazyLock<Vec<Table>> = LazyLock::new(|| {
 impl Table {
     /// Rows that `line` adds, one value per column, null where the run has none; the error says what the line lacks.
     pub fn rows(&self, line: &Value) -> Result<Vec<Vec<Value>>, String> {
-        let mut count = 0;
+        let mut count = usize::from(self.lists.is_empty());
         for pointer in &self.lists {
             let list = line.pointer(pointer).and_then(Value::as_array);
             count = count.max(list.ok_or_else(|| format!("no list {pointer}"))?.len());
@@ -64,14 +70,34 @@ impl Column {
         let value = line.pointer(&pointer).unwrap_or(&Value::Null);
         match (kind, value) {
             // the journal leaves out flags that are not set
-            (Kind::Flag, Value::Null) => Ok(Value::Bool(false)),
+            (Kind::Boolean, Value::Null) => Ok(Value::Bool(false)),
             (_, Value::Null)
-            | (Kind::Flag, Value::Bool(_))
-            | (Kind::Real, Value::Number(_))
-            | (Kind::Text, Value::String(_)) => Ok(value.clone()),
-            (Kind::Whole, value) if value.as_i64().is_some() => Ok(value.clone()),
+            | (Kind::Boolean, Value::Bool(_))
+            | (Kind::Number | Kind::Single, Value::Number(_))
+            | (Kind::String, Value::String(_)) => Ok(value.clone()),
+            (Kind::Singles, Value::Array(_)) => Ok(numbers(value).into_iter().map(|number| number as f32).collect()),
+            (Kind::Integers | Kind::Numbers | Kind::Strings, Value::Array(_)) => Ok(value.clone()),
+            (Kind::Integer, value) if value.as_i64().is_some() => Ok(value.clone()),
             (_, value) => Err(format!("{value} at {pointer}")),
         }
+    }
+}
+
+/// All numbers in a value, those of lists in lists, too; a flag counts as 0 or 1.
+pub(super) fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Array(items) => items.iter().flat_map(numbers).collect(),
+        Value::Bool(flag) => vec![f64::from(u8::from(*flag))],
+        other => other.as_f64().into_iter().collect(),
+    }
+}
+
+/// A value as text, without quotes.
+pub(super) fn text(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
     }
 }
 
@@ -82,7 +108,7 @@ mod tests {
     #[test]
     fn tables_are_read_from_the_asset() {
         let names: Vec<&str> = TABLES.iter().map(|table| table.name.as_str()).collect();
-        assert_eq!(names, ["positions", "targets", "pulses", "timings"]);
+        assert_eq!(names, ["positions", "targets", "pulses", "timings", "events"]);
         assert!(TABLES.iter().all(|table| !table.lines.is_empty() && !table.columns.is_empty()));
     }
 }
