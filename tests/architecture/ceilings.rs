@@ -15,9 +15,7 @@ const CEILINGS: [(&str, usize); 15] = [
     ("planning", 7750), // 30 of issue 48's budget: room for named parts; 60 of issue 49's: pulses as actions
     ("python", 535),    // all of issue 49's budget
     ("recording", 1308),
-    // 433 of issue 48's budget: rigs by reference, warnings, paths, parts by name, verdict of dry runs; 640 of issue
-    // 49's: plates that learners step, what a caller brings in the place of a job's own
-    ("runner", 5976),
+    ("runner", 5976), // 433 of issue 48's budget, 640 of issue 49's: plates that learners step, a caller's own parts
     ("scene", 869),
     ("server", 4601), // 11 of issue 48's budget
     ("sim", 3465),

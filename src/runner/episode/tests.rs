@@ -6,7 +6,6 @@ use serde_json::{Value, json};
 
 use super::{ActionKind, Episode, EpisodeParams, Episodes, StepOutcome};
 use crate::config::Origin;
-use upm_core::time::{Clock, MonotonicClock};
 
 fn read(task: &Value, pennies: usize, action: &str) -> Result<Arc<EpisodeParams>, String> {
     let origin = Origin::of_file(&Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join("configs/job.json"));
@@ -109,36 +108,4 @@ proptest! {
         let is_fit = length == bounds.len() && !episode.outcome().is_last();
         prop_assert_eq!(episode.step(&vec![0.0; length]).is_ok(), is_fit);
     }
-}
-
-/// Least time of five rounds of `steps` calls, s a call.
-fn least_s(steps: u32, mut step: impl FnMut()) -> f64 {
-    let mut round = || {
-        let clock = MonotonicClock::new();
-        (0..steps).for_each(|_| step());
-        clock.elapsed().as_secs_f64() / f64::from(steps)
-    };
-    (0..5).map(|_| round()).fold(f64::INFINITY, f64::min)
-}
-
-#[test]
-#[ignore = "measures: run it alone and optimised"]
-#[allow(clippy::print_stdout)]
-fn eight_coins_run_a_hundred_times_plate_time_and_a_vector_step_costs_microseconds() {
-    let params = drawn("stream", 7, "motion");
-    let mut episodes = Episodes::new(&params, 1, 1, 1).unwrap();
-    let (mut plate_s, mut steps) = (0.0, 0);
-    let step_s = least_s(40, || {
-        let action: Vec<f64> = (0..49).map(|i| ((7 * i + 13 * steps) % 19) as f64 / 9.0 - 1.0).collect();
-        let since_s = episodes.each()[0].outcome().plate_time_s;
-        plate_s += (episodes.step(&action).unwrap()[0].plate_time_s - since_s).max(0.0);
-        steps += 1;
-    });
-    let speed = plate_s / f64::from(steps) / step_s;
-    let mut plate = super::plate::SteppedPlate::new(&drawn("arrange", 1, "motion").job).unwrap();
-    let alone_us = 1e6 * least_s(6400, || plate.play(None).unwrap());
-    let mut episodes = Episodes::new(&drawn("arrange", 1, "motion"), 64, 1, 1).unwrap();
-    let over_us = 1e6 * least_s(100, || assert!(episodes.step(&[0.0; 64 * 49]).is_ok())) / 64.0 - alone_us;
-    println!("{speed:.0} plate-seconds a core-second; {over_us:.2} us a plate beside the plate's own {alone_us:.2} us");
-    assert!(speed >= 100.0 && over_us < 5.0);
 }
