@@ -371,9 +371,8 @@ mod tests {
         let ended = (0..FUTILE_CYCLES).filter(|_| watch.observe(&wanted, &seen_m, true)).count();
         assert_eq!(ended, 1, "in the last cycle");
         let part = |id: &str| ExpectedPart { id: id.into(), kind: 0, expected_m: None };
-        let kinds = |radius_m| vec![PartKind { name: "disc".into(), radius_m, thickness_m: 1e-3 }];
-        let parts = ["a", "b"].map(part).to_vec();
-        let params = ControlParams { parts, kinds: kinds(5e-3), ..ControlParams::default() };
+        let kinds = vec![PartKind { name: "disc".into(), radius_m: 5e-3, thickness_m: 1e-3 }];
+        let params = ControlParams { parts: ["a", "b"].map(part).to_vec(), kinds, ..ControlParams::default() };
         let ending = watch.ending(&wanted, &seen_m, &params);
         assert_eq!(ending.cause, Some(Finding::NoProgress.into()));
         let parts =
@@ -386,9 +385,8 @@ mod tests {
         let ending = watch.ending(&wanted, &seen_m, &params);
         assert_eq!(ending.cause, Some(Finding::PartsHinder.into()));
         assert!(ending.reason.starts_with("parts wait for each other: a and b; less"), "{}", ending.reason);
-        let line = Polyline::new(vec![x(0.0), x(0.1)]);
-        let (lap_m, corridor_m, is_over) = (0.1, 1e-3, false);
-        let path = PathStretch { line, from_m: 0.0, reference_m: 0.0, speed_mps: 0.01, lap_m, corridor_m, is_over };
+        let (line, from_m, lap_m, is_over) = (upm_core::geometry::Polyline::new(vec![x(0.0), x(0.1)]), 0.0, 0.1, false);
+        let path = PathStretch { line, from_m, reference_m: 0.0, speed_mps: 0.01, lap_m, corridor_m: 1e-3, is_over };
         let ending = watch.ending(&Setpoints { paths: vec![Some(path), None], ..wanted.clone() }, &seen_m, &params);
         assert!(ending.reason.contains(": a and b; a `corridor_mm` above 1.0 may help; less"), "{}", ending.reason);
         watch.observe(&wanted, &[x(0.0), x(0.0201)], true);
