@@ -19,7 +19,7 @@ const CEILINGS: [(&str, usize); 15] = [
     ("scene", 869),
     ("server", 4601), // 11 of issue 48's budget
     ("sim", 3470),
-    ("upm", 5368), // 232 of issue 48's budget, 376 of issue 49's: data sets for LeRobot, MCAP
+    ("upm", 5372), // 232 of issue 48's budget, 380 of issue 49's: data sets for LeRobot, MCAP
     ("viewer", 1830),
 ];
 
