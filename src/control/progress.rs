@@ -242,7 +242,6 @@ fn improves(least_m: &mut f64, now_m: f64) -> bool {
 mod tests {
     use super::*;
     use crate::ExpectedPart;
-    use upm_core::geometry::Polyline;
     use upm_core::rig::PartKind;
     use upm_planning::task::PathStretch;
 

@@ -67,6 +67,12 @@ pub(super) fn write(folder: &Path, runs: &[PathBuf], mut show: impl FnMut(f64, &
     }
     let failed = |error| Failure::write(folder, error);
     let draft = draft_of(folder);
+    // an export that was killed leaves its draft
+    if draft.join(FILES[0]).is_file() {
+        fs::remove_dir_all(&draft).map_err(failed)?;
+    }
+    let made = draft.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::create_dir(&draft));
+    made.map_err(|error| Failure::write(&draft, error))?;
     let _draft = Drafts(vec![draft.clone()]);
     let dirs = FILES.iter().filter_map(|file| draft.join(file).parent().map(fs::create_dir_all));
     dirs.collect::<io::Result<()>>().map_err(failed)?;

@@ -68,8 +68,8 @@ impl Line {
     }
 }
 
-/// Calls `take` with each line of the journal in folder `run`, to which it adds the report's `parts`. An incomplete last
-/// line, as a killed run leaves it, counts as its end.
+/// Calls `take` with each line of the journal in folder `run`, to which it adds the report's `parts`. An incomplete
+/// last line, as a killed run leaves it, counts as its end.
 pub(super) fn read_lines(run: &Path, mut take: impl FnMut(Line) -> Result<(), Failure>) -> Result<(), Failure> {
     let parts = report_of(run)?.map_or(Value::Null, |report| json!(report.parts));
     let path = run.join(JOURNAL);

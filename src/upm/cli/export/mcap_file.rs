@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapResult, WriteOptions};
-use serde_json::{Map, Value, json};
+use serde_json::{Map, json};
 
 use super::files::{Drafts, draft_of, provenance, read_lines};
 use super::tables::{Column, TABLES, Table, text};
@@ -46,8 +46,7 @@ pub(super) fn write(path: &Path, runs: &[PathBuf], mut show: impl FnMut(f64, &Pa
                     let present = cells.filter(|(_, value)| !value.is_null());
                     let message: Map<_, _> = present.map(|(Column(name, ..), value)| (name.clone(), value)).collect();
                     let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time: log_time };
-                    let message = Value::from(message).to_string();
-                    file.write_to_known_channel(&header, message.as_bytes()).map_err(failed)?;
+                    file.write_to_known_channel(&header, json!(message).to_string().as_bytes()).map_err(failed)?;
                 }
             }
             Ok(())
