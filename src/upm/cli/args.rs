@@ -61,7 +61,7 @@ pub enum Command {
     Replay(RunFolderArgs),
     /// Run a job again from its run folder alone, or those of a data set, and compare the journals byte for byte
     Verify(RunFolderArgs),
-    /// Write a run as tables (positions, targets, pulses, timings), or runs as a LeRobot data set or as MCAP
+    /// Write a run as tables (positions, targets, pulses, events, timings), or runs as a LeRobot data set or MCAP
     Export(ExportArgs),
     /// The daemon: jobs over HTTP, several plates, an operator page
     #[cfg(feature = "daemon")]
