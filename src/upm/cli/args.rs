@@ -63,7 +63,7 @@ pub enum Command {
     Verify(RunFolderArgs),
     /// Run standard tasks without pixels and print a row of figures for each run, or repeat such rows
     Benchmark(BenchmarkArgs),
-    /// Write a run as tables (positions, targets, pulses, timings), or runs as a LeRobot data set or as MCAP
+    /// Write a run as tables (positions, targets, pulses, events, timings), or runs as a LeRobot data set or MCAP
     Export(ExportArgs),
     /// The daemon: jobs over HTTP, several plates, an operator page
     #[cfg(feature = "daemon")]

@@ -36,10 +36,10 @@ pub struct RunFolderArgs {
 /// `upm export`.
 #[derive(Args, Debug)]
 #[command(
-    after_help = "Tables: positions, targets and pulses come from the journal, timings from the report. Columns carry \
-                  their unit; a value that the run does not have is empty.\n\n\
-                  Data set: an episode for each run, all with as many parts and the same kind of task; a frame for each \
-                  cycle, its columns in meta/info.json. `upm verify DIR` repeats every episode."
+    after_help = "Tables: timings are of the report, all else is of the journal. Columns carry their unit; a value \
+                  that the run does not have is empty.\n\n\
+                  Data set: an episode for each run, all with as many parts and the same kind of task; a frame for \
+                  each cycle, its columns in meta/info.json. `upm verify DIR` repeats every episode."
 )]
 pub struct ExportArgs {
     /// Run folders, as `upm run` leaves them, unique prefixes of their names, or last for the newest; tables are of one
@@ -48,7 +48,7 @@ pub struct ExportArgs {
     /// Folder that runs are looked for in by name
     #[arg(long, value_name = "DIR", default_value = "runs")]
     pub out: PathBuf,
-    /// Write each table as comma-separated values: positions.csv, targets.csv, pulses.csv, timings.csv
+    /// Write each table as comma-separated values: positions.csv, targets.csv, pulses.csv, events.csv, timings.csv
     #[arg(long)]
     pub csv: bool,
     /// Write each table as Apache Parquet: positions.parquet and so on
@@ -57,7 +57,9 @@ pub struct ExportArgs {
     /// Folder that the tables go into [default: RUN-tables beside the run folder]
     #[arg(long, value_name = "DIR")]
     pub to: Option<PathBuf>,
-    /// Write a LeRobot data set (v3.0) into this new folder
+    /// Write a LeRobot data set (v3.0) into this new folder: as observation places and targets of the parts, mm, and
+    /// the motors' root mean square in the pulse before, counts; as action the places that the planner was asked for,
+    /// mm; as reward minus the parts' mean distance from their targets after it, mm
     #[arg(long, value_name = "DIR")]
     pub lerobot: Option<PathBuf>,
     /// Write positions, targets, pulses and events as MCAP, in JSON, at plate time
