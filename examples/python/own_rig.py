@@ -6,8 +6,8 @@ import upm
 class MyRig(upm.Rig):
     """Replace each body by calls to the hardware."""
 
-    def __init__(self, job):
-        self.plate = upm.simulated_plate(job)
+    def __init__(self, job, seed=None):
+        self.plate = upm.simulated_plate(job, seed=seed)
         self.sample_hz = self.plate.sample_hz
         self.accelerometer_hz = self.plate.accelerometer_hz
         self.accelerometer_mps2_per_count = self.plate.accelerometer_mps2_per_count
@@ -29,5 +29,5 @@ class MyRig(upm.Rig):
         self.plate.stop()
 
 
-report = upm.run("arrange-4-cor", rig=MyRig("arrange-4-cor"))
-print(report)
+if __name__ == "__main__":
+    print(upm.run("arrange-4-cor", rig=MyRig("arrange-4-cor")))

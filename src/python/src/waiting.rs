@@ -12,8 +12,8 @@ use pyo3::prelude::*;
 /// Time after which Ctrl-C is noticed at the latest: soon for a person.
 const CHECKED_EVERY: Duration = Duration::from_millis(50);
 
-/// Does `work` on a thread of its own. An exception that a signal raises sets the flag that `work` gets, and is raised
-/// once `work` has ended.
+/// Does `work` on another thread. A signal's exception sets the flag that `work` gets, and is raised once `work` has
+/// ended.
 pub fn until_done<T: Send>(py: Python<'_>, work: impl FnOnce(&Arc<AtomicBool>) -> T + Send) -> PyResult<T> {
     let stop = Arc::new(AtomicBool::new(false));
     py.detach(|| {

@@ -1,6 +1,7 @@
 """The module from outside: what the command line does, refusals, a caller's own task, planner and rig."""
 
 import json
+import runpy
 import signal
 import subprocess
 import sys
@@ -120,28 +121,8 @@ def test_own_planner_plans_in_the_loop(tmp_path):
         upm.run(job, planner=lambda *_: [upm.Motion(np.zeros((1, 1, 1)), 0.1)], camera="positions", out=tmp_path)
 
 
-class Through(upm.Rig):
-    """The simulated plate behind a rig of one's own."""
-
-    def __init__(self, job, seed):
-        self.plate = upm.simulated_plate(job, seed=seed)
-        for name in ("sample_hz", "accelerometer_hz", "accelerometer_mps2_per_count", "accelerometer_count_limit"):
-            setattr(self, name, getattr(self.plate, name))
-
-    def now_s(self):
-        return self.plate.now_s()
-
-    def play(self, samples, driven_s, rest_s):
-        self.plate.play(samples, driven_s, rest_s)
-
-    def capture(self):
-        return self.plate.capture()
-
-    def trace(self):
-        return self.plate.trace()
-
-    def stop(self):
-        self.plate.stop()
+# the simulated plate behind a rig of one's own
+Through = runpy.run_path(str(ROOT / "examples/python/own_rig.py"))["MyRig"]
 
 
 def test_own_rig_is_driven_by_samples(tmp_path):

@@ -168,7 +168,7 @@ impl Episode {
     fn record(&mut self, action: &[f64]) {
         let places = self.plate.true_m().flat_map(|place_m| [place_m.x, place_m.y]);
         let numbers = action.iter().copied().chain(places);
-        // one update for all, since each has a cost of its own
+        // each update costs, however short it is
         self.journal.update(numbers.flat_map(|number| number.to_bits().to_le_bytes()).collect::<Vec<u8>>());
         self.journal.update(self.plate.now().nanos().to_le_bytes());
     }
