@@ -205,3 +205,13 @@ def test_examples_complete(example, tmp_path):
     few = {"stream": ["20"], "train_baseline": ["5"]}
     done = subprocess.run([sys.executable, example, *few.get(example.stem, [])], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0 and "completed" in done.stdout, done.stderr
+
+
+def test_ctrl_c_ends_the_command_in_good_order(tmp_path):
+    job = upm.shipped() / "configs/plus-sign-endless.json"
+    command = [sys.executable, "-m", "upm", "run", job, "--out", tmp_path, "--quiet"]
+    heard = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)
+    run = subprocess.Popen(command, stdout=subprocess.DEVNULL, preexec_fn=heard)
+    time.sleep(2)
+    run.send_signal(signal.SIGINT)
+    assert run.wait(timeout=20) == 130
