@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 use std::process::Command;
 use tempfile::TempDir;
 
-#[path = "cli/batch.rs"]
-mod batch;
+#[path = "cli/campaign.rs"]
+mod campaign;
 #[path = "cli/closed_loop.rs"]
 mod closed_loop;
 #[path = "cli/coin_pictures.rs"]

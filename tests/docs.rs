@@ -87,10 +87,13 @@ fn script_of(command: &str) -> Option<&str> {
     command.strip_prefix("python3 ")?.split([' ', '\'']).next().filter(|script| script.starts_with("tools/"))
 }
 
-/// Output of `upm COMMAND --help`; empty where there is no such command.
+/// Output of `upm COMMAND --help`, and of its subcommand if it has one; empty where there is no such command.
 fn help_of(command: &str) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_upm")).args([command, "--help"]).output().unwrap();
-    if output.status.success() { String::from_utf8(output.stdout).unwrap() } else { String::new() }
+    let help = |words: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_upm")).args(words).arg("--help").output().unwrap();
+        if output.status.success() { String::from_utf8(output.stdout).unwrap() } else { String::new() }
+    };
+    help(&[command]) + &help(&[command, "merge"])
 }
 
 #[test]

@@ -45,6 +45,7 @@ fn kind_of(document: &Value) -> Option<&'static str> {
         Document::Trace => "trace",
         Document::Daemon => "daemon",
         Document::Coins => "coins",
+        Document::Campaign => "campaign",
     })
 }
 

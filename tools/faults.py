@@ -1,53 +1,45 @@
 #!/usr/bin/env python3
-"""The fault campaign: runs with faults that begin inside them, judged by what truly happened.
+"""The judge of runs with faults: what they claim against what truly happened.
 
-usage: faults.py campaign  [--seeds 200] [--first 0] [--half safety|liveness|both] [--keep DIR] [--no-shrink]
-       faults.py healthy   [--seeds 200] [--first 0] [--keep DIR]
+usage: faults.py judge     [--bars] [RUN_FOLDER ...]
+       faults.py evidence  CAMPAIGN_FOLDER
+       faults.py mutants   --guards a,b,c [--runs 1000]
        faults.py schedules [--jobs-per 3] [--seeds 2] [--planner moving_field] [--only WORD ...]
        faults.py daemon    [--jobs-per 3] [--seeds 1] [--only WORD ...] [--no-estops]
-       faults.py judge RUN_FOLDER ...
-       faults.py mutants --guards a,b,c [--seeds 1000]
        faults.py selftest
 options of all that run: [--upm target/debug/upm] [--jobs CORES]
 
-campaign   draws job and schedule by seed, runs each in a process of its own on all cores and judges it by the rules
-           O1 to O10 (tools/faults/oracle.py). Prints violations with the smallest command that still fails, outcomes and
-           guards by kind, needless stops and the rate of violations with its 95 % bound.
-healthy    drawn jobs without faults (any task, 2 to 30 parts, every tenth the letters): no finding may end or slow one.
+judge      the oracle (tools/faults/oracle.py), by the rules O1 to O10, over run folders. Without any it answers for
+           `upm campaign`: the faulty campaign is
+               upm campaign configs/campaigns/faulty.json --judge 'python3 tools/faults.py judge' --keep failures
+           With --bars a fault that is noticed too late is a violation, too.
+evidence   how near the healthy runs of a campaign came to the findings that rest on chance: the figures of the limits.
+mutants    counts the runs of the faulty campaign until one breaks a rule with one guard off (a build with the feature
+           `mutants`), not with all on.
 schedules  the 55 schedules with a name, against the bars by which their faults have to be noticed.
 daemon     the same schedules as jobs of one daemon, each with a job queued behind it: a plate pauses with cause and remedy
            exactly where a person has to look (O7), the next job completes after `resume` (O9), each run ends as it does
            alone (O10). Emergency stops in the middle of runs with faults.
-mutants    counts the seeds until a rule is broken with one guard off (a build with the feature `mutants`), not with all on.
-judge      the oracle alone, over run folders. selftest: over folders and answers made by hand.
+selftest   the oracle over folders and answers made by hand.
 
-Exit status 1 when a rule is broken, a bar is missed, a drawn run is refused or a mutant goes on uncaught.
+Exit status 1 when a rule is broken, a bar is missed or a mutant goes on uncaught.
 """
 import argparse
 import os
 import pathlib
+import shutil
 import sys
 import unittest
 
-from common import ROOT, table
-from faults import campaign, daemon_tier, oracle, schedules
+from common import ROOT, output_of, table
+from faults import daemon_tier, judge, schedules
 from faults.runs import Runner
 
-
-def run_campaign(args):
-    found = campaign.Campaign(Runner(args.upm), args)
-    wall_s = found.run()
-    return campaign.report(found.verdicts, wall_s, found.runner, args)
-
-
-def run_healthy(args):
-    healthy = campaign.Campaign(Runner(args.upm), args, campaign.healthy_case)
-    wall_s = healthy.run()
-    return campaign.report_healthy(healthy.verdicts, wall_s)
+BATCH = 100
 
 
 def run_schedules(args):
-    return schedules.run_all(Runner(args.upm), args.jobs_per, args.seeds, args.jobs, args.only, args.planner)
+    return schedules.run_all(args.upm, judging(args.upm), args.jobs_per, args.seeds, args.jobs, args.only, args.planner)
 
 
 def run_daemon(args):
@@ -55,30 +47,54 @@ def run_daemon(args):
 
 
 def run_judge(args):
-    good = True
+    runner, good = Runner(args.upm), True
+    if not args.folders:
+        judge.answer(runner, args.bars)
     for folder in args.folders:
-        run, found = oracle.judge_folder(folder)
+        found = judge.of_folder(runner, pathlib.Path(folder), wants_bars=args.bars)
         good &= not found
-        print(f"{folder}: {run.outcome if run else 'unreadable'}, {len(found)} violations")
-        for violation in found:
-            print(f"  {violation}{' (no picture shows it)' if violation.is_unobservable else ''}")
+        print(f"{folder}: {len(found)} violations", *(f"\n  {violation}" for violation in found))
     return good
 
 
+def run_evidence(args):
+    judge.print_tails(args.folder)
+    return True
+
+
+def judging(upm):
+    """The command that judges runs, bars included."""
+    return f"{sys.executable} {ROOT / 'tools/faults.py'} judge --bars --upm {upm}"
+
+
+def faulty_runs(upm, out, runs, *options):
+    """Makes runs of the faulty campaign, judged; the lines of those that break a rule."""
+    file = ROOT / "configs/campaigns/faulty.json"
+    output_of([upm, "campaign", file, "--out", out, "--runs", runs, "--judge", judging(upm), "--quiet", *options], (0, 1))
+    return [line for line in judge.lines_of(out) if line["violations"]]
+
+
 def run_mutants(args):
-    rows, args.sound = [], Runner(args.upm)
+    rows, folder = [], ROOT / "target/mutants"
     for guard in args.guards.split(","):
-        found = campaign.Campaign(Runner(args.upm, without_guard=guard), args)
-        found.run()
-        refused = {verdict.told for verdict in found.verdicts if verdict.outcome == "refused"}
-        if refused:
-            sys.exit(f"{guard}: runs are refused: {refused.pop()}")
-        caught = next((verdict for verdict in found.verdicts if campaign.seen(verdict)), None)
-        seeds = caught.case.seed - args.first + 1 if caught else None
-        rows.append([guard, seeds or f"not in {args.seeds}", campaign.seen(caught)[0] if caught else "-"])
+        caught = None
+        for first in range(1, args.runs + 1, BATCH):
+            runs = f"{first}..{min(first + BATCH - 1, args.runs)}"
+            for line in faulty_runs(args.upm, folder / guard, runs, "--without-guard", guard):
+                sound = faulty_runs(args.upm, folder / "sound", line["run"])
+                known = {rule(said) for other in sound if other["run"] == line["run"] for said in other["violations"]}
+                caught = caught or next(((line["run"], said) for said in line["violations"] if rule(said) not in known), None)
+            if caught:
+                break
+        shutil.rmtree(folder / guard, ignore_errors=True)
+        rows.append([guard, *(caught or (f"not in {args.runs}", "-"))])
         print("  ".join(map(str, rows[-1])), flush=True)
-    print("\n".join(table(["guard", "seeds until caught", "by"], rows)))
+    print("\n".join(table(["guard", "runs until caught", "by"], rows)))
     return all(isinstance(row[1], int) for row in rows)
+
+
+def rule(violation):
+    return violation.split(":")[0]
 
 
 def run_selftest(_):
@@ -94,22 +110,19 @@ def arguments():
     running = argparse.ArgumentParser(add_help=False)
     running.add_argument("--upm", default=str(ROOT / "target/debug/upm"))
     running.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at once")
-    drawing = argparse.ArgumentParser(add_help=False)
-    drawing.set_defaults(no_shrink=False, sound=None, half="both")
-    drawing.add_argument("--first", type=int, default=0, help="the first seed")
-    drawing.add_argument("--keep", type=pathlib.Path, help="where folders of failing runs and shrunk jobs are kept")
 
     def add(name, does, *parents):
         command = commands.add_parser(name, parents=parents)
         command.set_defaults(does=does)
         return command
 
-    halves = argparse.ArgumentParser(add_help=False)
-    halves.add_argument("--half", choices=("safety", "liveness", "both"), help="faults that stay, that end, either")
-    many = argparse.ArgumentParser(add_help=False)
-    many.add_argument("--seeds", type=int, default=200)
-    add("campaign", run_campaign, running, drawing, many, halves).add_argument("--no-shrink", action="store_true")
-    add("healthy", run_healthy, running, drawing, many)
+    command = add("judge", run_judge, running)
+    command.add_argument("folders", nargs="*", metavar="RUN_FOLDER")
+    command.add_argument("--bars", action="store_true", help="faults noticed too late are violations, too")
+    add("evidence", run_evidence).add_argument("folder", metavar="CAMPAIGN_FOLDER")
+    command = add("mutants", run_mutants, running)
+    command.add_argument("--guards", required=True, help="names, with commas between")
+    command.add_argument("--runs", type=int, default=1000)
     named = argparse.ArgumentParser(add_help=False)
     named.add_argument("--jobs-per", type=int, default=3, choices=range(1, len(schedules.JOBS) + 1))
     named.add_argument("--only", nargs="+", metavar="WORD", help="schedules with one of these in their names")
@@ -119,10 +132,6 @@ def arguments():
     command = add("daemon", run_daemon, running, named)
     command.add_argument("--seeds", type=int, default=1)
     command.add_argument("--no-estops", action="store_true", help="no emergency stops")
-    add("judge", run_judge).add_argument("folders", nargs="+", metavar="RUN_FOLDER")
-    command = add("mutants", run_mutants, running, drawing, halves)
-    command.add_argument("--guards", required=True, help="names, with commas between")
-    command.add_argument("--seeds", type=int, default=1000)
     add("selftest", run_selftest)
     return parser.parse_args()
 

@@ -21,7 +21,7 @@ const SECONDS_IN_1000_H: f64 = 3.6e6;
 const BY_CHANCE: f64 = 3.0;
 
 /// Evidence of healthy pulses has an exponential tail: `once + per_nat n` is exceeded in one pulse of `e^n`. These are
-/// of pulses from rest to rest and of segments, by `tools/faults.py healthy`: deviations of a motion from its plan, in
+/// of pulses from rest to rest and of segments, by `tools/faults.py evidence`: deviations of a motion from its plan, in
 /// tolerances (`--first 20000 --seeds 360`; 292 runs without pauses from 440000 on), and logarithms of a likelihood
 /// ratio that pictures are late, or the plate elsewhere (`--first 710000 --seeds 160`). Errors of the model that repeat
 /// make those up to 1.9 times as wide as chance would.

@@ -13,6 +13,7 @@
 //! ```
 
 mod bins;
+mod campaign_file;
 mod clearance;
 mod coins;
 mod daemon;
@@ -45,6 +46,7 @@ mod tests;
 mod trace;
 mod view;
 
+pub use campaign_file::CampaignFile;
 pub use clearance::{REST_GAP_M, REST_MARGIN_M, START_GAP_M, START_MARGIN_M};
 pub use coins::{coin_set, load_coins};
 pub use daemon::{DaemonSpec, PlateSpec, StandingSpec};

@@ -70,7 +70,7 @@ pub use in_memory::InMemoryRun;
 pub use library::{
     LibraryOutput, check_places, job_library, library_and_places, library_faults, load_library, rig_library,
 };
-pub use machine::{maker, maker_of};
+pub use machine::{maker, maker_of, program};
 pub use movie::movie;
 pub use paced::PacingStats;
 pub use path_warnings::job_warnings;

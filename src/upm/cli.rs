@@ -14,9 +14,9 @@ macro_rules! errln {
 }
 
 mod args;
-mod batch;
 mod benchmark;
 mod calibrate;
+mod campaign;
 mod check;
 #[cfg(feature = "daemon")]
 mod client_args;
@@ -111,9 +111,10 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
     match cli.command {
         Command::Init(args) => init::init(&args, common),
         Command::Run(args) => match (&args.seeds, &args.job) {
-            (Some(seeds), Some(file)) => batch::batch(file, seeds, &args, common),
+            (Some(seeds), Some(file)) => campaign::of_seeds(file, seeds, &args, common),
             _ => run::run(&args, common),
         },
+        Command::Campaign(args) => campaign::campaign(&args, common),
         Command::Calibrate(args) => calibrate::calibrate(&args, common),
         Command::Render(args) => render::render(&args, common),
         Command::Locate(args) => locate::locate(&args, common),

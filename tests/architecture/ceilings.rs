@@ -8,18 +8,21 @@ use super::rules::Source;
 const CEILINGS: [(&str, usize); 15] = [
     ("chart", 786),
     ("control", 4205), // 54 of issue 48's budget, and 30 of issue 49's: planners of a caller
-    ("core", 2618),    // 45 of issue 48's budget, 13 of issue 49's: threads for items that are handed over, samples
+    ("core", 2619),    // 45 of issue 48's budget, 13 of issue 49's: threads for items that are handed over, samples
     ("fixtures", 336),
     ("lab", 6188),
     ("perception", 4820),
     ("planning", 7750), // 30 of issue 48's budget: room for named parts; 60 of issue 49's: pulses as actions
     ("python", 535),    // all of issue 49's budget
     ("recording", 1308),
-    ("runner", 5976), // 433 of issue 48's budget, 640 of issue 49's: plates that learners step, a caller's own parts
+    // 433 of issue 48's budget, 640 of issue 49's: plates that learners step, a caller's own parts; campaigns, for
+    // which 770 lines of the tools' loops went (issue 50)
+    ("runner", 7330),
     ("scene", 869),
     ("server", 4601), // 11 of issue 48's budget
     ("sim", 3465),
-    ("upm", 5550), // 232 of issue 48's budget, 560 of issue 49's: benchmark, answers, data sets for LeRobot, MCAP
+    // 232 of issue 48's budget, 560 of issue 49's: benchmark, answers, data sets for LeRobot, MCAP; campaigns
+    ("upm", 5740),
     ("viewer", 1830),
 ];
 

@@ -1,16 +1,13 @@
 //! Streams that cannot be written, and names that are no text: a command does its work and does not panic.
 #![cfg(target_os = "linux")]
 
-use std::ffi::OsStr;
 use std::fs::{self, File};
-use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::symlink;
 use std::process::Stdio;
 
-use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::{root, status, upm};
+use super::{root, status};
 
 #[test]
 fn full_stderr_costs_no_run_its_report_and_a_run_is_found_behind_a_link() {
@@ -30,18 +27,4 @@ fn full_stderr_costs_no_run_its_report_and_a_run_is_found_behind_a_link() {
     for name in ["linked", "link"] {
         status(&["export", name, "--csv", "--out", out], 0);
     }
-}
-
-#[test]
-fn names_that_are_no_text_are_taken() {
-    let folder = TempDir::new().unwrap();
-    let name = folder.path().join(OsStr::from_bytes(b"bad\xff"));
-    let taken = |args: &[&OsStr]| upm().args(args).output().unwrap();
-    let made = taken(&["init".as_ref(), name.as_os_str()]);
-    assert_eq!((made.status.code(), String::from_utf8_lossy(&made.stderr).contains("panicked")), (Some(0), false));
-    let job = name.join("configs/ring-6.json");
-    let checked = taken(&["check".as_ref(), "--json".as_ref(), job.as_os_str()]);
-    assert_eq!(checked.status.code(), Some(0));
-    let rows: Value = serde_json::from_slice(&checked.stdout).unwrap();
-    assert_eq!(rows[0]["valid"], json!(true));
 }

@@ -149,19 +149,6 @@ fn ctrl_c_ends_the_watching_and_not_the_job() {
 }
 
 #[test]
-fn watching_ends_when_its_reader_has_gone() {
-    let served = TestDaemon::start();
-    let id = served.submit(&moving("endless", 3600.0), "max");
-    let args = ["watch", &id, "--json"];
-    let mut watch = served.upm(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let mut stdout = BufReader::new(watch.stdout.take().unwrap());
-    stdout.read_line(&mut String::new()).unwrap();
-    drop(stdout);
-    let (_, stderr) = status_of(&watch.wait_with_output().unwrap(), &args, 130);
-    assert!(stderr.contains("the job goes on"), "{stderr}");
-}
-
-#[test]
 fn watching_goes_on_over_a_kill_of_the_daemon() {
     let served = TestDaemon::start();
     let id = served.submit(&moving("endless", 3600.0), "max");

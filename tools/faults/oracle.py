@@ -1,7 +1,7 @@
 """The judge of a run: the rules O1 to O9 over `effective.json`, `journal.jsonl`, `report.json` and `truth.jsonl`.
 
 Shares no code with the program that it judges. O1 is in claims.py, O2 in detection.py and actuators.py, O4 in progress.py, O7
-in pausing.py; O9's next job and O10's repetition are runs of their own, see campaign.py.
+in pausing.py; O9's next job and O10's repetition are runs of their own, see judge.py.
 """
 import bisect
 import json
@@ -166,9 +166,14 @@ def judge(run, process=None, is_liveness=None):
     """Every violation of a run; `is_liveness` when its schedule was drawn to end by five seconds."""
     rules = [claims.violations(run), detection.violations(run), unnamed_losses(run), progress.violations(run)]
     rules += [after_the_end(run), resources(run, process), false_alarms(run)]
-    if is_liveness or (is_liveness is None and run.faults and all(f.to_s <= LIVENESS_END_S for f in run.faults)):
+    if is_liveness or (is_liveness is None and ends_its_faults(run)):
         rules.append(untyped_end(run))
     return [Violation(*row) for rule in rules for row in rule]
+
+
+def ends_its_faults(run):
+    """True when there are faults, and all of them are over by five seconds."""
+    return run.faults and all(fault.to_s <= LIVENESS_END_S for fault in run.faults)
 
 
 def judge_folder(folder, process=None, is_liveness=None):

@@ -1,14 +1,13 @@
 """The 55 named schedules of the first campaign by hand, each in some jobs and seeds, against the bars of their classes."""
-import math
+import json
 import pathlib
 import random
-import shutil
+import re
+import subprocess
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 
-from common import table
-from . import detection, jobs, oracle
-from .vocabulary import Fault, harmless
+from . import jobs
+from .vocabulary import Fault
 
 JOBS = ("arr4", "swap", "endless", "sort8", "arr1")
 
@@ -71,8 +70,6 @@ SCHEDULES = {
     "plate bumped": "plate:bumped=3;-2@0.5",
 }
 FIELDS = "synthesized_field"
-# nothing to notice, and the run goes on: a hand that is gone after two seconds
-GOES_ON = ("hand 1 s", "hand over a half, 2 s")
 
 
 def made_for(template, seed, planner=FIELDS):
@@ -87,68 +84,24 @@ def chosen(names, only):
     return [name for name in names if not only or any(word in name for word in only)]
 
 
-def rows_of(runner, name, template, seeds, scratch, planner):
-    """A row a run, and what was missed in it."""
-    faults = [Fault.parse(text) for text in SCHEDULES[name].split(",")]
-    for seed in seeds:
-        made = made_for(template, seed, planner)
-        folder = pathlib.Path(scratch) / f"{name} {template} {seed}".replace(" ", "-").replace("/", "-")
-        run_folder, process = runner.run(made.job, faults, folder)
-        if run_folder is None:
-            yield [name, template, seed, "refused", "-", "-", "-", process.stderr.strip()[:60]], ["refused"]
-            continue
-        run, found = oracle.judge_folder(run_folder, process)
-        shutil.rmtree(folder, ignore_errors=True)
-        if run is None:
-            yield [name, template, seed, "unreadable", "-", "-", "-", str(found[0])[:60]], ["unreadable"]
-            continue
-        yield row_of(run, name, template, seed, faults, found)
+def campaign_of(seed, templates, only, planner):
+    """A campaign of one seed: a cell for each schedule in each job."""
+    jobs_of = []
+    for name in chosen(SCHEDULES, only):
+        for template in templates:
+            made = made_for(template, seed, planner).job
+            faults = [Fault.parse(text).row() for text in SCHEDULES[name].split(",")]
+            jobs_of.append(made | {"name": re.sub(r"[^\w.]+", "-", f"{name} {template}"), "faults": faults})
+    return {"name": f"schedules-{seed}", "seeds": str(seed), "camera": "pixels", "job": {"$each": jobs_of}}
 
 
-def row_of(run, name, template, seed, faults, found):
-    notices = [detection.notice(run, fault) for fault in faults]
-    seen = "; ".join(f"{n.code or 'never'} {n.text}{' MISSED' if n.is_missed else ''}" for n in notices if n) or "-"
-    codes = ",".join(sorted({guard["code"] for guard in run.guards})) or "-"
-    broken = [violation for violation in found if not violation.is_unobservable]
-    missed = [f"{run.stop_code or run.outcome}: {violation}" for violation in broken]
-    missed += [f"bar missed: {fault} noticed {n.code or 'never'}, {n.text}" for fault, n in zip(faults, notices) if n and n.is_missed]
-    if name in GOES_ON and run.outcome != "completed":
-        missed.append(f"{run.outcome}, and should wait and go on")
-    outcome = run.outcome if not run.stop_code else f"{run.outcome}: {run.stop_code}"
-    return [name, template, seed, outcome, worst_error(run), seen, codes, " ".join(sorted({v.rule for v in broken})) or "-"], missed
-
-
-def worst_error(run):
-    """The largest true error at the end, mm, in words; without targets that between the last look and the truth then."""
-    at = run.final_truth()
-    if at is None or not run.cycles:
-        return "-"
-    if not all(part[2] for part in at):
-        return "off plate"
-    if run.job["task"]["type"] != "plus_sign":
-        return f"{max(math.dist(part['target_mm'], place[:2]) for part, place in zip(run.report['parts'], at)):.2f}"
-    cycle = run.cycles[-1]
-    return f"{math.dist(cycle['observed_mm'][0], run.truth_at(cycle['observed_at_s'])[0][:2]):.2f}"
-
-
-def run_all(runner, jobs_per, seeds, at_once, only, planner):
-    """Runs all schedules and prints a row a run; true when no run is a false success and no bar is missed."""
-    head = ["schedule", "job", "seed", "outcome", "true mm", "noticed (against its bar)", "guards", "violations"]
-    rows, bad = [], []
-    with tempfile.TemporaryDirectory(prefix="upm-schedules-") as scratch, ThreadPoolExecutor(at_once) as pool:
-        wanted = [(name, template) for name in chosen(SCHEDULES, only) for template in JOBS[:jobs_per]]
-        pending = [pool.submit(lambda w: list(rows_of(runner, *w, range(1, seeds + 1), scratch, planner)), w) for w in wanted]
-        for done, future in enumerate(pending, 1):
-            for row, missed in future.result():
-                rows.append(row)
-                bad += [(row[0], row[1], row[2], text) for text in missed]
-            if done % 15 == 0:
-                print(f"{done} of {len(pending)} pairs of schedule and job, {len(bad)} misses", flush=True)
-    print("\n".join(table(head, rows)))
-    harmless_rows = [row for row in rows if all(harmless(Fault.parse(text)) for text in SCHEDULES[row[0]].split(","))]
-    stopped = [row for row in harmless_rows if not row[3].startswith("completed")]
-    print(f"\n{len(rows)} runs; harmless faults {len(harmless_rows)}, of which {len(stopped)} stopped needlessly")
-    print(f"{len(bad)} violations and missed bars")
-    for name, template, seed, text in bad:
-        print(f"  {name}, {template}, seed {seed}: {text}")
-    return not bad
+def run_all(upm, judge, jobs_per, seeds, at_once, only, planner):
+    """Runs all schedules as campaigns and prints a row a cell; true when no rule is broken and no bar missed."""
+    good = True
+    with tempfile.TemporaryDirectory(prefix="upm-schedules-") as scratch:
+        for seed in range(1, seeds + 1):
+            file, out = (pathlib.Path(scratch) / f"{seed}{ending}" for ending in (".json", ""))
+            file.write_text(json.dumps(campaign_of(seed, JOBS[:jobs_per], only, planner)))
+            command = [upm, "campaign", file, "--out", out, "--jobs", str(at_once), "--judge", judge]
+            good &= subprocess.run(command).returncode == 0
+    return good

@@ -1,4 +1,4 @@
-"""Tests of the oracle and the shrinker: run folders made by hand, for each rule some that break it and some that do not."""
+"""Tests of the oracle: run folders made by hand, for each rule some that break it and some that do not."""
 import json
 import pathlib
 import random
@@ -7,7 +7,7 @@ import unittest
 
 from common import upper_bound
 
-from . import campaign, detection, jobs, oracle, schedules, shrink, vocabulary
+from . import detection, jobs, oracle, schedules
 from .runs import Process
 from .vocabulary import Fault
 
@@ -273,26 +273,12 @@ class Rules(unittest.TestCase):
         self.assertIsNone(detection.notice(run, run.faults[0]))
 
 
-class Drawing(unittest.TestCase):
-    def test_ddmin_finds_what_matters(self):
-        for wanted in ({3}, {0, 7}, {1, 4, 6}):
-            self.assertEqual(set(shrink.ddmin(range(8), lambda some: wanted <= set(some))), wanted)
-
-    def test_draw_repeats_by_seed_and_holds_its_ranges(self):
-        cases = [campaign.case_of(seed) for seed in range(600)]
-        self.assertEqual(campaign.case_of(7), cases[7])
-        self.assertLessEqual(set(jobs.TEMPLATES), {case.made.template for case in cases})
-        for case in cases:
-            for fault in case.faults:
-                self.assertEqual((Fault.parse(str(fault)), Fault.of(fault.row())), (fault, fault))
-                self.assertLess(fault.from_s, fault.to_s, str(fault))
-                self.assertTrue(not case.is_liveness or fault.to_s <= vocabulary.LIVENESS_END_S)
-                self.assertTrue(fault.group != "part" or int(fault.component[4:]) < case.made.parts)
-        every = {f"{component.rstrip('0123456789')} {kind}" for component, kind, _ in vocabulary.vocabulary(2)}
-        self.assertEqual({fault.name for case in cases for fault in case.faults}, every | {"camera exposure"})
+class Words(unittest.TestCase):
+    def test_named_schedules_are_read_and_told_alike(self):
         named = [Fault.parse(text) for text in schedules.SCHEDULES.values()]
         self.assertEqual(len(set(map(str, named))), 55)
-        self.assertLessEqual({fault.name for fault in named}, every)
+        for fault in named:
+            self.assertEqual((Fault.parse(str(fault)), Fault.of(fault.row())), (fault, fault))
 
     def test_bound_of_a_rate(self):
         self.assertEqual(upper_bound(0, 300), 0.01)

@@ -17,12 +17,14 @@ pub enum Document {
     Daemon,
     /// Kinds of coins, for `upm locate`.
     Coins,
+    /// Many runs of a job with draws, for `upm campaign`.
+    Campaign,
 }
 
 impl Document {
     /// All kinds, in the order in which [`Document::of`] tests for them.
-    pub const ALL: [Self; 7] =
-        [Self::Library, Self::Experiment, Self::Trace, Self::Daemon, Self::Rig, Self::Job, Self::Coins];
+    pub const ALL: [Self; 8] =
+        [Self::Library, Self::Experiment, Self::Trace, Self::Daemon, Self::Rig, Self::Job, Self::Coins, Self::Campaign];
 
     /// The kind of `value`, judged by its keys.
     pub fn of(value: &Value) -> Option<Self> {
@@ -65,6 +67,7 @@ impl Document {
             Self::Trace => ["a trace", "upm-lab waveform-fit --trace", "counts"],
             Self::Daemon => ["a daemon's configuration", "upm serve --config", "plates"],
             Self::Coins => ["a set of coins", "upm locate --coins", "coins"],
+            Self::Campaign => ["a campaign", "upm campaign", "seeds"],
         }
     }
 }

@@ -165,35 +165,6 @@ fn a_malformed_trace_and_a_misplaced_one_are_refused() {
 }
 
 #[test]
-fn vision_is_evaluated_in_the_requested_number_of_scenes() {
-    let folder = TempDir::new().unwrap();
-    let out = folder.path().to_str().unwrap();
-    let (json, _) = status(&["vision", "--scenes", "1", "--seed", "4", "--out", out, "--json"], 0);
-    let result: Value = serde_json::from_str(&json).unwrap();
-    let figures = result["figures"].as_array().unwrap();
-    let figure = |name: &str| figures.iter().find(|figure| figure["name"] == name).unwrap();
-    for (name, bar) in [("clean: centre rms", "0.03"), ("rough: centre rms", "0.1")] {
-        assert_eq!(figure(name)["source"], format!("bar {bar} px; rendered scenes"), "{name}");
-    }
-    assert_eq!(figure("papers: parts missed")["reference"], 0.0);
-    let truth = |family: &str| {
-        let (picture, truth) = (folder.path().join("f.png"), folder.path().join("t.json"));
-        let files = ["--out", picture.to_str().unwrap(), "--truth", truth.to_str().unwrap()];
-        status(&[&["scene", family, "--seed", "4"], &files[..]].concat(), 0);
-        serde_json::from_str::<Value>(&fs::read_to_string(truth).unwrap()).unwrap()
-    };
-    for family in ["clean", "rough", "hard", "papers"] {
-        let parts = truth(family)["parts"].as_array().unwrap().len() as f64;
-        assert_eq!(figure(&format!("{family}: parts in all"))["measured"], parts);
-    }
-    let (text, _) = status(&["vision", "--scenes", "1", "--seed", "4", "--out", out], 0);
-    assert!(text.contains("clean: worst centre: ") && text.contains(", seed 4\n"), "{text}");
-    let (_, stderr) = status(&["waveform-fit", "--scenes", "3"], 2);
-    assert_eq!(stderr, "upm-lab: --scenes: expected the experiment vision, found \"waveform-fit\"\n");
-    status(&["vision", "--scenes", "0"], 2);
-}
-
-#[test]
 fn drawn_scene_is_located_by_the_reference_with_its_rig_file() {
     let folder = TempDir::new().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();

@@ -1,6 +1,8 @@
 """The module from outside: what the command line does, refusals, a caller's own task, planner and rig."""
 
+import concurrent.futures
 import json
+import multiprocessing
 import runpy
 import signal
 import subprocess
@@ -215,3 +217,21 @@ def test_ctrl_c_ends_the_command_in_good_order(tmp_path):
     time.sleep(2)
     run.send_signal(signal.SIGINT)
     assert run.wait(timeout=20) == 130
+
+
+def test_campaign_is_that_of_the_command_line_by_any_executor(tmp_path):
+    job = {"rig": str(upm.shipped() / "configs/rigs/upm-2.json"), "parts": [{"kind": "penny"}]}
+    job |= {"task": {"type": "arrange", "targets_mm": [[0, 0]]}, "planner": {"$each": ["moving_field", "synthesized_field"]}}
+    file = tmp_path / "middle.json"
+    file.write_text(json.dumps({"name": "middle", "seeds": "1..6", "job": job}))
+    subprocess.run(["upm", "campaign", file, "--out", tmp_path / "alone", "--quiet"], check=True)
+    summary = json.loads((tmp_path / "alone/summary.json").read_text())
+    assert upm.campaign(file, out=tmp_path / "here") == summary
+    # the processes of a pool that forks would share the threads of this one
+    context = multiprocessing.get_context("spawn")
+    with concurrent.futures.ProcessPoolExecutor(2, context) as executor:
+        assert upm.campaign(file, out=tmp_path / "pool", executor=executor) == summary
+    assert (tmp_path / "pool/summary.json").read_bytes() == (tmp_path / "alone/summary.json").read_bytes()
+    file.write_text(json.dumps({"name": "middle", "seeds": "6..1", "job": job}))
+    with pytest.raises(upm.UpmError, match="seeds: expected FIRST..LAST"):
+        upm.campaign(file, out=tmp_path / "never")

@@ -8,6 +8,7 @@ import importlib
 import typing
 
 if typing.TYPE_CHECKING:
+    from upm._campaign import campaign
     from upm._job import Job
     from upm._library import Library, calibrate
     from upm._own import Motion, Rig, Rotation, simulated_plate
@@ -27,6 +28,7 @@ _MODULES = {
     "Rotation": "_own",
     "UpmError": "_upm",
     "calibrate": "_library",
+    "campaign": "_campaign",
     "locate": "_picture",
     "run": "_run",
     "shipped": "_shipped",

@@ -33,7 +33,7 @@ impl Origin {
         self.folder.as_ref().map(|folder| folder.join(named))
     }
     /// Path of the file that the document names `named`, else a fault at `at`.
-    pub(super) fn named_file(&self, named: &str, at: &Path, faults: &mut Diagnostics) -> Option<PathBuf> {
+    pub(crate) fn named_file(&self, named: &str, at: &Path, faults: &mut Diagnostics) -> Option<PathBuf> {
         let path = self.resolve(named);
         faults.require(path.is_some(), at, quoted(named), "nothing (files cannot be named here)");
         path

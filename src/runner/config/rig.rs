@@ -103,6 +103,22 @@ impl RigSpec {
         rig.map_err(|others| faults.append_named(others, &format!("{}: {at}", origin.file))).ok()
     }
 
+    /// The rig file that `changes` make of the one that they extend, within a document from `origin`; what they change
+    /// is not checked.
+    pub(crate) fn extended_within(
+        changes: Value,
+        origin: &Origin,
+        at: &Path,
+        faults: &mut Diagnostics,
+    ) -> Option<Value> {
+        let changes = serde_json::from_value::<RigChanges>(changes);
+        let changes = changes.map_err(|error| faults.push(at, error, "the path of a rig to extend")).ok()?;
+        let named = changes.base();
+        let base = Self::load(&origin.named_file(&named, &at.key("extends"), faults)?);
+        let base = base.map_err(|others| faults.append_named(others, &format!("{}: {at}", origin.file))).ok()?;
+        Some(changes.merged_into(serde_json::to_value(base.rebased_from(&named).document).ok()?))
+    }
+
     /// The same rig as part of a file that calls it `named`: its paths become relative to that file.
     fn rebased_from(mut self, named: &str) -> Self {
         self.document.library = self.document.library.map(|library| rebased(&library, named));

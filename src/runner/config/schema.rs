@@ -1,5 +1,6 @@
 use serde_json::{Value, json};
 
+use super::campaign_file::CampaignFile;
 use super::coins::CoinsFile;
 use super::daemon_file::DaemonFile;
 use super::job_file::JobFile;
@@ -12,7 +13,7 @@ use upm_planning::cor_library::Library;
 
 /// Names that [`schema`] accepts.
 pub fn schema_names() -> &'static [&'static str] {
-    &["job", "rig", "simulate", "library", "trace", "daemon", "coins"]
+    &["job", "rig", "simulate", "library", "trace", "daemon", "coins", "campaign"]
 }
 
 /// The JSON Schema (draft 2020-12) of the file called `name`; `None` for other names.
@@ -26,6 +27,7 @@ pub fn schema(name: &str) -> Option<Value> {
         "trace" => schema_of::<RecordedPulse>(),
         "daemon" => schema_of::<DaemonFile>(),
         "coins" => schema_of::<CoinsFile>(),
+        "campaign" => schema_of::<CampaignFile>(),
         _ => return None,
     }
     .clone();

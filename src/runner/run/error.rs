@@ -21,6 +21,9 @@ pub enum RunError {
     /// The recording could not be started.
     #[error("recording: {0}")]
     Recording(String),
+    /// The command that judges runs does not.
+    #[error("--judge: {0}")]
+    Judge(String),
     /// The rig is not available for this run.
     #[error("rig: {0}")]
     Rig(#[from] RigError),
@@ -46,6 +49,6 @@ impl RunError {
 
     /// True if the input is at fault, not the machine.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Input(_) | Self::RerunMode(_))
+        matches!(self, Self::Input(_) | Self::RerunMode(_) | Self::Judge(_))
     }
 }

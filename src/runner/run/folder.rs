@@ -35,9 +35,7 @@ pub(super) const REPORT_FILE: &str = "report.json";
 impl RunFolder {
     /// Creates `OUT/<name>-<seed>-<utc>/`, with a number appended if that exists.
     pub fn create(out: &Path, job: &JobSpec, started_utc: &str) -> Result<Self, RunError> {
-        // 64 letters may have 256 bytes, more than the name of a folder
-        let name = &job.name[..job.name.floor_char_boundary(200)];
-        let plain = format!("{name}-{}-{started_utc}", job.seed());
+        let plain = Self::name(job, started_utc);
         let failed = |path: &Path, reason: String| RunError::Write { path: path.display().to_string(), reason };
         fs::create_dir_all(out).map_err(|error| failed(out, reason(&error)))?;
         for number in 1..MOST_NAMESAKES {
@@ -50,6 +48,18 @@ impl RunFolder {
             }
         }
         Err(failed(&out.join(plain), "too many runs of this name in this second".into()))
+    }
+
+    /// Name of a run folder that is the first of its name.
+    fn name(job: &JobSpec, started_utc: &str) -> String {
+        // 64 letters may have 256 bytes, more than the name of a folder
+        let name = &job.name[..job.name.floor_char_boundary(200)];
+        format!("{name}-{}-{started_utc}", job.seed())
+    }
+
+    /// Removes what [`RunFolder::create`] has made in a process that was killed.
+    pub(crate) fn remove(out: &Path, job: &JobSpec, started_utc: &str) {
+        fs::remove_dir_all(out.join(Self::name(job, started_utc))).ok();
     }
 
     /// Folder of an earlier run; `None` if `path` is not a folder (a link to one is rejected).

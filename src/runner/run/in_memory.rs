@@ -34,7 +34,7 @@ impl<'a> InMemoryRun<'a> {
     }
 
     /// A run of `job` with `library`. `Err` if the parts find no places.
-    pub(super) fn with_library(job: &'a JobSpec, library: Arc<Library>) -> Result<Self, Diagnostic> {
+    pub(crate) fn with_library(job: &'a JobSpec, library: Arc<Library>) -> Result<Self, Diagnostic> {
         let setup = RunSetup::new(job, &library)?;
         Ok(Self { job, library, setup })
     }
@@ -68,7 +68,7 @@ impl<'a> InMemoryRun<'a> {
     }
 
     /// As [`Self::run_watched`], and ends after the next frame once `stop` is set.
-    pub(super) fn run_until(self, stop: &AtomicBool, watcher: &mut dyn Sink) -> Report {
+    pub(crate) fn run_until(self, stop: &AtomicBool, watcher: &mut dyn Sink) -> Report {
         let play = |setup: &mut RunSetup, library: &_, sinks: &mut Fanout<'_>| {
             setup.play(library, None, sinks, &StoppedClock, stop, &AtomicBool::new(false))
         };

@@ -43,6 +43,11 @@ fn own_file() -> Option<String> {
     Some(if is_program { program } else { path }.to_owned())
 }
 
+/// Hash of this program.
+pub fn program() -> String {
+    format!("{:016x}", *BUILD)
+}
+
 /// This program and its machine.
 pub fn maker() -> String {
     format!("upm {} on {}", env!("CARGO_PKG_VERSION"), machine())
@@ -62,5 +67,5 @@ pub(super) fn machine() -> String {
     let has_fma = false;
     let [processor, library] = TARGET;
     let extensions = if has_fma { " with avx2 and fma" } else { "" };
-    format!("{processor}{extensions}, {library}, build {:016x}", *BUILD)
+    format!("{processor}{extensions}, {library}, build {}", program())
 }

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use super::batch::Seeds;
+use super::campaign::CampaignArgs;
 #[cfg(feature = "daemon")]
 use super::client_args::ClientCommand;
 use super::features::{HELP, VERSION};
 use super::run_args::{BenchmarkArgs, ExportArgs, JobChanges, RunFolderArgs, pace};
 use upm_core::job::{CameraMode, Pace};
 use upm_recording::RerunMode;
+use upm_runner::campaign::Seeds;
 use upm_runner::config::schema_names;
 
 /// One flat plate, shaken sideways, moves many coins on it independently, with a camera that closes the loop.
@@ -49,6 +50,8 @@ pub enum Command {
     Init(InitArgs),
     /// Run one job and leave a run folder: journal, report, recording; without a file, list the jobs there are
     Run(RunArgs),
+    /// Many runs of a job whose values are drawn or take several values in turn, on all cores, resumable
+    Campaign(CampaignArgs),
     /// Measure what a rig can do and write its COR library
     Calibrate(CalibrateArgs),
     /// Render the first camera frame of a job, and where everything truly is
@@ -159,14 +162,8 @@ pub struct RunArgs {
     pub faults: Vec<String>,
     /// Disable one guard, to test that its absence is noticed
     #[cfg(feature = "mutants")]
-    #[arg(long, value_name = "CODE", value_parser = finding)]
+    #[arg(long, value_name = "CODE", value_parser = super::run_args::finding)]
     pub without_guard: Option<upm_core::job::Finding>,
-}
-
-#[cfg(feature = "mutants")]
-fn finding(code: &str) -> Result<upm_core::job::Finding, String> {
-    use upm_core::job::Finding;
-    Finding::of_code(code).ok_or_else(|| format!("not one of {}", Finding::ALL.map(Finding::code).join(", ")))
 }
 
 /// `upm serve`.

@@ -7,13 +7,14 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::args::{CheckArgs, Common};
-use super::batch::Seeds;
 use super::job_changes::read_dash;
 use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
 use super::progress::LateProgress;
 use plan::PlanReport;
 use upm_chart::Chart;
+use upm_core::document::counted;
 use upm_planning::cor_library::Library;
+use upm_runner::campaign::{Campaign, Seeds};
 use upm_runner::config::{self, DaemonSpec, Document, JobSpec, PlateSpec, RigSpec, SimulateSpec, text_of};
 use upm_runner::run::{
     Coverage, PlannerSelection, check_simulate, job_warnings, library_and_places, library_faults, load_library,
@@ -161,6 +162,15 @@ fn check_file(path: &Path, rig: Option<&RigSpec>, args: &CheckArgs, common: Comm
         }
         Some(Document::Daemon) => check_daemon(path)?,
         Some(Document::Rig) => check_rig(path)?,
+        Some(Document::Campaign) => {
+            let campaign = Campaign::load(path).map_err(lines)?;
+            format!(
+                "campaign {}, {} in {}",
+                campaign.name,
+                counted(campaign.runs(), "run"),
+                counted(campaign.cells(), "cell")
+            )
+        }
         Some(Document::Coins) => format!("coins, {} kinds", config::load_coins(path).map_err(lines)?.len()),
         Some(Document::Job) | None => return check_job(path, rig, args, common),
     };

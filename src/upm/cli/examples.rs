@@ -5,9 +5,10 @@ use clap::{Command, CommandFactory};
 use super::args::Cli;
 
 /// Commands with their examples; a build without the daemon lacks some of them.
-const EXAMPLES: [(&str, &[&str]); 24] = [
+const EXAMPLES: [(&str, &[&str]); 25] = [
     ("init", &["upm init", "upm init upm-jobs --force"]),
     ("run", &["upm run configs/letters-16.json --movie letters.gif", "upm run configs/sort-8.json --seeds 1..20"]),
+    ("campaign", &["upm campaign configs/campaigns/two-planners.json", "upm campaign merge campaigns/two-planners"]),
     ("calibrate", &["upm calibrate --rig configs/rigs/upm-2.json --out library.json"]),
     ("render", &["upm render configs/arrange-4.json --out frame.png --truth truth.json"]),
     ("locate", &["upm locate table.jpg --coins eu --plate-side-mm 203.2", "upm locate table.jpg --rectangle 297x210"]),

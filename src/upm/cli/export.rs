@@ -18,10 +18,11 @@ use super::progress::LateProgress;
 use super::run_args::{ExportArgs, RunFolderArgs};
 use super::run_folder::run_folder;
 use files::{Drafts, JOURNAL, draft_of, read_failed, read_lines, report_of};
-use parquet_file::ParquetFile;
-use tables::{Column, TABLES, Table, text};
+use tables::{Column, TABLES, text};
 
 pub(super) use dataset::{differing_files, episodes_in};
+pub(super) use parquet_file::ParquetFile;
+pub(super) use tables::Table;
 
 /// Rows of a row group of a table.
 const GROUP_ROWS: usize = 1 << 16;

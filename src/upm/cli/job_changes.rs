@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::output::Failure;
 use super::run_args::JobChanges;
 use upm_core::document::{Diagnostic, read_standard_input};
+use upm_runner::campaign::put;
 use upm_runner::config::{JobSpec, Origin, text_of};
 
 /// Reads standard input if one of `files` is called `-`.
@@ -40,29 +41,15 @@ fn listed(changes: &JobChanges) -> Result<Vec<(String, Value)>, Failure> {
         all.push(("rig".to_owned(), json!(path)));
     }
     all.extend(changes.planner.iter().map(|planner| ("planner".to_owned(), json!(planner))));
-    for text in &changes.set {
-        let wrong = || Failure::bad_input(format!("--set: expected KEY=VALUE, found {text:?}"));
-        let (key, value) = text.split_once('=').ok_or_else(wrong)?;
-        all.push((key.to_owned(), serde_json::from_str(value).unwrap_or_else(|_| json!(value))));
-    }
+    changes.set.iter().try_for_each(|text| change("--set", text).map(|change| all.push(change)))?;
     Ok(all)
 }
 
-/// Puts `value` at `key`, as `parts[0].count`. Objects on the way that are missing are made.
-fn put(document: &mut Value, key: &str, value: Value) -> Option<()> {
-    let mut at = document;
-    for step in key.replace('[', ".").replace(']', "").split('.') {
-        if at.is_null() {
-            *at = json!({});
-        }
-        at = match at {
-            Value::Array(items) => items.get_mut(step.parse::<usize>().ok()?)?,
-            Value::Object(members) if !step.is_empty() => members.entry(step).or_insert(Value::Null),
-            _ => return None,
-        };
-    }
-    *at = value;
-    Some(())
+/// A place in a job and a value for it, as typed for `option`.
+pub(super) fn change(option: &str, text: &str) -> Result<(String, Value), Failure> {
+    let wrong = || Failure::bad_input(format!("{option}: expected KEY=VALUE, found {text:?}"));
+    let (key, value) = text.split_once('=').ok_or_else(wrong)?;
+    Ok((key.to_owned(), serde_json::from_str(value).unwrap_or_else(|_| json!(value))))
 }
 
 #[cfg(test)]

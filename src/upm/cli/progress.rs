@@ -105,6 +105,11 @@ impl LateProgress {
         }
     }
 
+    /// True on a terminal, where a message of several lines is shown in place.
+    pub fn is_live(&self) -> bool {
+        self.bar.is_some()
+    }
+
     /// Calls `write` with the bar removed from stderr.
     pub fn suspend(&self, write: impl FnOnce()) {
         match &self.bar {

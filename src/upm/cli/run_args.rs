@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-use super::batch::Seeds;
 use upm_core::job::Pace;
+use upm_runner::campaign::Seeds;
 
 /// Changes of a job for one run.
 #[derive(Args, Debug, Default)]
@@ -71,6 +71,13 @@ pub struct ExportArgs {
 pub(super) fn pace() -> impl TypedValueParser<Value = Pace> {
     PossibleValuesParser::new([Pace::Max, Pace::RealTime].map(Pace::code))
         .map(|name| Pace::of_code(&name).unwrap_or_default())
+}
+
+/// Reads a guard by its code.
+#[cfg(feature = "mutants")]
+pub(super) fn finding(code: &str) -> Result<upm_core::job::Finding, String> {
+    use upm_core::job::Finding;
+    Finding::of_code(code).ok_or_else(|| format!("not one of {}", Finding::ALL.map(Finding::code).join(", ")))
 }
 
 /// `upm benchmark`.

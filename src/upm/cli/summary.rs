@@ -96,10 +96,3 @@ fn loop_errors(accuracy: &AccuracyReport) -> impl Iterator<Item = (&'static str,
 pub(super) fn planner_line(PlannerReport { name, why, alternatives, .. }: &PlannerReport) -> String {
     format!("{name}: {why}; also possible: {}", alternatives.join(", "))
 }
-
-/// The median of sorted values; `None` without any.
-pub(super) fn median(sorted: &[f64]) -> Option<f64> {
-    let upper = *sorted.get(sorted.len() / 2)?;
-    let lower = *sorted.get((sorted.len() - 1) / 2)?;
-    Some(0.5 * (lower + upper))
-}

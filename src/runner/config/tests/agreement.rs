@@ -11,6 +11,7 @@ use serde_json::{Map, Value, json};
 use super::mutation::{experiment, places, whole};
 use super::traces::trace;
 use super::value_of;
+use crate::config::campaign_file::CampaignFile;
 use crate::config::coins::coins_of;
 use crate::config::daemon_file::DaemonFile;
 use crate::config::read::{BASE_PATH_PATTERN, NAME_PATTERN, PLAIN_NAME_PATTERN};
@@ -182,6 +183,7 @@ fn kind(name: &str) -> (Vec<Value>, fn(&str) -> Read) {
             (vec![value_of("daemon.json"), json!({"plates": [{"name": "a", "rig": rig()}]})], form::<DaemonFile>)
         }
         "coins" => (vec![value_of("coins/eu.json")], |text| coins_of(text, "f").map(drop)),
+        "campaign" => (vec![value_of("campaigns/two-planners.json")], form::<CampaignFile>),
         other => unreachable!("no documents of {other}"),
     }
 }

@@ -16,7 +16,7 @@ use serde_json::Value;
 use super::tables::{Column, Kind, Table};
 
 /// Apache Parquet file, uncompressed. Values that are no list are optional.
-pub(super) struct ParquetFile {
+pub(crate) struct ParquetFile {
     file: SerializedFileWriter<File>,
     table: &'static Table,
     rows: Vec<Vec<Value>>,

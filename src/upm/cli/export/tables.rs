@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 /// Type of the values of a column. The first four have their names in JSON Schema.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     Integer,
     Number,
     Boolean,
@@ -24,12 +24,12 @@ pub(super) enum Kind {
 /// Name, with the unit where there is one, type, and JSON pointer to the value in a line. In the pointer `#` is the
 /// index of the row; [`NUMBER`] alone is the number of the row, from 1.
 #[derive(Debug, Deserialize)]
-pub(super) struct Column(pub String, pub Kind, pub String);
+pub(crate) struct Column(pub String, pub Kind, pub String);
 
 /// A table of a run.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Table {
+pub(crate) struct Table {
     /// Stem of the file name.
     pub name: String,
     /// Types of the lines that add rows; `report` for the report.

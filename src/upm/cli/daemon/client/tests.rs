@@ -1,6 +1,6 @@
 use std::net::TcpListener;
 
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::testing::{Canned, FakeServer, JOB, answer, job, json as said, problem, stopped};
 use super::{Client, ClientRefusal, bearer_of, job_path, plate_path};
@@ -36,42 +36,6 @@ fn a_job_is_asked_for_and_read() {
     assert_eq!(asked.line, format!("GET /v1/jobs/{JOB} HTTP/1.1"));
     assert_eq!(asked.header("host"), Some(server.url.trim_start_matches("http://")));
     assert_eq!(asked.header("authorization"), Some("Bearer secret"));
-}
-
-#[test]
-fn faults_come_one_a_line_under_the_name_of_the_file() {
-    let faults = json!([
-        {"path": "parts[0].kind", "found": "\"pennyy\"", "allowed": "penny, dime"},
-        {"path": "seed", "found": "a\nb\u{1b}[2J", "allowed": "a whole number"},
-    ]);
-    let server = FakeServer::saying(vec![problem(422, "2 faults", "", &faults)]);
-    let failure = refused(&server).into_failure("job.json");
-    assert_eq!(failure.status, 2);
-    let lines = [
-        "parts[0].kind: expected penny, dime, found \"pennyy\"",
-        "seed: expected a whole number, found a\\nb\\u{1b}[2J",
-    ];
-    assert_eq!(failure.lines, lines.map(|line| format!("job.json: {line}")));
-}
-
-#[test]
-fn problem_without_faults_is_shown_as_detail_and_remedy() {
-    let none = Value::Array(Vec::new());
-    let cases = [
-        (problem(429, "64 jobs wait", "Retry-After: 7\r\n", &none), 1, "64 jobs wait; try again in 7 s".to_owned()),
-        (problem(503, "closing", "Retry-After: 5\r\n", &none), 1, "closing; try again in 5 s".to_owned()),
-        (problem(409, "stopped by\u{7} X", "", &none), 1, "stopped by\\u{7} X".to_owned()),
-        (problem(404, "no such job", "", &none), 2, "no such job".to_owned()),
-        (
-            problem(401, "no token", "", &none),
-            2,
-            "no token (--token-file, or UPM_TOKEN_FILE, names the file that holds the token)".to_owned(),
-        ),
-    ];
-    for (canned, status, line) in cases {
-        let failure = refused(&FakeServer::saying(vec![canned])).into_failure("job.json");
-        assert_eq!((failure.status, failure.lines), (status, vec![line]));
-    }
 }
 
 #[test]
