@@ -167,9 +167,15 @@ def moved_px(run, fault):
 
 
 def sees_truly(run, pulse):
-    """True when the look before a pulse shows every part where there is one, whichever of them."""
-    true = run.truth_at(pulse.seen_at_s)
-    return bool(true) and all(min(math.dist(seen, part[:2]) for part in true) <= TRUE_MM for seen in pulse.seen_mm)
+    """True when the look before a pulse shows every part where there is one, whichever of them.
+
+    In motion it shows a part where it is at some time of the exposure.
+    """
+    true, before = run.truth_at(pulse.seen_at_s), run.truth_at(pulse.seen_at_s - run.frame_s)
+    share = run.job["rig"]["camera"]["exposure_s"] / run.frame_s
+    within_mm = [TRUE_MM + share * math.dist(part[:2], was[:2]) for part, was in zip(true or (), before or ())]
+    off_mm = lambda seen: min(math.dist(seen, part[:2]) - within for part, within in zip(true, within_mm))
+    return bool(true) and all(off_mm(seen) <= 0.0 for seen in pulse.seen_mm)
 
 
 def late(run, fault):

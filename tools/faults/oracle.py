@@ -13,6 +13,7 @@ from .vocabulary import LIVENESS_END_S, Fault, is_blinding
 
 # a plate that stuck coils held off its place swings for so long once they let it go
 SWINGS_OUT_S = 4.0
+STUCK = ("coils stuck", "coil stuck")
 NAMED_WITHIN_S = 0.5
 MOST_RSS_MB = 200.0
 # a run may wait so long for a hand to go
@@ -137,7 +138,7 @@ class Run:
         """The time by which the plate could be seen for `within_s` on end, from `at_s` on; late pictures come later."""
         begin_s = at_s
         for fault in sorted(filter(hides, self.faults), key=lambda fault: fault.from_s):
-            end_s = fault.to_s + (SWINGS_OUT_S if fault.name == "coils stuck" else 0.0)
+            end_s = fault.to_s + (SWINGS_OUT_S if fault.name in STUCK else 0.0)
             if fault.from_s <= begin_s + within_s and end_s > begin_s:
                 begin_s = end_s
         late = (f.value[0] for f in self.faults if f.name == "camera late" and f.from_s <= at_s + within_s and f.to_s > at_s)
@@ -190,7 +191,7 @@ def hides_parts(fault):
 
     A stamp off by more than a frame is one, and coils that are stuck: they hold the plate off its place, by centimetres.
     """
-    return is_blinding(fault) or fault.name in ("camera freeze", "clock skew", "coils stuck")
+    return is_blinding(fault) or fault.name in ("camera freeze", "clock skew", *STUCK)
 
 
 def unnamed_losses(run):

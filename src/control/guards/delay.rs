@@ -19,9 +19,10 @@ const KEPT: usize = 64 + LONGEST;
 const REACH_PX: f64 = 6.0;
 /// Frames that show the plate nowhere near its places before it counts as moved: a tear or a flash spoils one or two.
 const ASTRAY: usize = 3;
-/// Least and most frames from which the plate's mean place is taken: a period of a motion without pauses, and so many
-/// that errors of the model, which last, stay below chance.
-const MEAN_OF: [usize; 2] = [4, 20];
+/// Least and most frames from which the plate's mean place is taken: two periods of a motion without pauses, since in
+/// one the next motion may take over otherwise than planned, and so many that errors of the model, which last, stay
+/// below chance.
+const MEAN_OF: [usize; 2] = [8, 20];
 /// Standard deviation of a corner's displacement by the picture's noise where calibration has not measured it, px.
 pub(super) const NOISE_PX: f64 = 0.05;
 /// Standard deviation of the swing that calibration predicts, as a share of its root mean square, until a run shows it.
