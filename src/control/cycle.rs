@@ -87,6 +87,7 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
                 unconfirmed: 0,
                 is_cautious: false,
                 suspects_knock: false,
+                stalled: None,
             };
             cycle.until_end()
         }
@@ -126,6 +127,9 @@ struct ControlCycle<'a, 'io> {
     is_cautious: bool,
     /// True once moving parts were off their forecast as after a knock, and the plate at rest showed none.
     suspects_knock: bool,
+    /// The planner of motions without pauses while pulses from rest are played in their place, and the farthest
+    /// distance of a part from its target when they stalled, m.
+    stalled: Option<(PulsePlanner, f64)>,
 }
 
 impl ControlCycle<'_, '_> {
@@ -188,6 +192,7 @@ impl ControlCycle<'_, '_> {
         if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has(Finding::NoProgress) {
             return Break(self.planning.watch.ending(&wanted, &observed, self.params));
         }
+        self.change_planner(&wanted, &observed);
         // where nothing is asked, the plate rests until a part has drifted, or time has passed
         if !wanted.asks_nothing(&observed)
             && let Some(moved) = self.move_on(&observed, wanted.clone())

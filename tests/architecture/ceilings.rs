@@ -7,8 +7,9 @@ use super::rules::Source;
 /// Most lines of code outside tests in a crate: raised only by the budget of an issue, lowered when the crate shrinks.
 const CEILINGS: [(&str, usize); 15] = [
     ("chart", 786),
-    ("control", 4205), // 54 of issue 48's budget, and 30 of issue 49's: planners of a caller
-    ("core", 2619),    // 45 of issue 48's budget, 13 of issue 49's: threads for items that are handed over, samples
+    // 27 of issue 47's budget (pulses from rest where motions stall), 54 of issue 48's, and 30 of issue 49's
+    ("control", 4232),
+    ("core", 2619), // 45 of issue 48's budget, 13 of issue 49's: threads for items that are handed over, samples
     ("fixtures", 336),
     ("lab", 6188),
     ("perception", 4820),

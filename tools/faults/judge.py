@@ -72,8 +72,9 @@ def print_tails(folder):
     """
     rows, all_of = [], [line["evidence"] for line in lines_of(folder) if line.get("evidence")]
     for name, hz in (("with pauses", PULSES_HZ), ("without", SEGMENTS_HZ)):
-        # segments have a limit of their own
-        runs = [run for run in all_of if (run["motion_limit"] == max(r["motion_limit"] for r in all_of)) == (name == "without")]
+        # segments have a limit of their own, which is lower
+        widest = max(run["motion_limit"] for run in all_of)
+        runs = [run for run in all_of if (run["motion_limit"] < widest) == (name == "without")]
         for kind in ("motion", "late"):
             peaks, pulses = sorted(run[kind] for run in runs), sum(run["pulses"] for run in runs)
             above = peaks[int(0.9 * len(peaks)) :]

@@ -8,6 +8,7 @@ use super::play::drive_of;
 use crate::found::Found;
 use crate::guards::PlateSwing;
 use crate::perception::FramePurpose;
+use crate::progress::{ProgressWatch, farthest_m};
 use crate::pulse_planner::PulsePlanner;
 use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
 use crate::{CycleFacts, PulseFacts, PulsePositions};
@@ -19,11 +20,14 @@ use upm_core::time::PlateTime;
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::{ExpectedMotion, FitError, MotionJudgement, PlateFit, TakeOver, judge};
 use upm_planning::cor_library::CoilResponse;
-use upm_planning::planner::{Heading, MovingPlanner, Plan, PlanStatus, PlannedPulse, Segment};
+use upm_planning::planner::{FieldPlanner, Heading, MovingPlanner, Plan, PlanStatus, PlannedPulse, Segment};
 use upm_planning::task::Setpoints;
 
 /// Segments that count as one cycle for the watch of a run's progress: as long as a pulse from rest with its rest.
 const SEGMENTS_A_CYCLE: u64 = 5;
+
+/// So many times as far from their targets as when motions stalled, parts have new ones.
+const FAR: f64 = 2.0;
 
 /// Segments from one recorded picture to the next: five pictures a second, as many as pulses from rest have at most.
 const SHOWN_EVERY: u64 = 3;
@@ -53,6 +57,25 @@ impl ControlCycle<'_, '_> {
     pub(super) fn move_on(&mut self, observed: &[Vec2], wanted: Setpoints) -> Option<OrEnd<Vec<Vec2>>> {
         self.moving()?.rest(observed);
         Some(self.move_until_rest(wanted))
+    }
+
+    /// Plays pulses from rest where motions without pauses bring the parts no nearer, which they then do; motions come
+    /// back once the parts have arrived or have a long way to go again.
+    pub(super) fn change_planner(&mut self, wanted: &Setpoints, observed: &[Vec2]) {
+        let farthest_m = farthest_m(observed, &wanted.targets_m);
+        let is_over = |of_stall_m: f64| wanted.asks_nothing(observed) || farthest_m > FAR * of_stall_m;
+        if let Some((planner, _)) = self.stalled.take_if(|(_, of_stall_m)| is_over(*of_stall_m)) {
+            self.planning.planner = planner;
+        } else if self.moving().is_some() && self.planning.watch.stalls() {
+            let fields = FieldPlanner::new(self.library, self.params.planner).map(PulsePlanner::Fields);
+            let Some(fields) = fields else { return };
+            self.stalled = Some((std::mem::replace(&mut self.planning.planner, fields), farthest_m));
+        } else {
+            return;
+        }
+        let params = self.params;
+        self.planning.watch = ProgressWatch::new(params.follows_paths, params.tolerance_m);
+        self.limits = params.guards.limits(params.parts.len(), self.stalled.is_some());
     }
 
     fn move_until_rest(&mut self, wanted: Setpoints) -> OrEnd<Vec<Vec2>> {
@@ -193,7 +216,8 @@ impl ControlCycle<'_, '_> {
     /// of sight, or because the parts will be where they should be.
     fn plan_next(&mut self, started_at: PlateTime, segments: u64) -> OrEnd<Option<PlannedSegment>> {
         self.check_limits()?;
-        let gives_way = self.io.give_way.load(Ordering::Relaxed) && self.fades_out().1;
+        let wants_rest = self.io.give_way.load(Ordering::Relaxed) || self.planning.watch.stalls();
+        let gives_way = wants_rest && self.fades_out().1;
         if gives_way || self.perception.frames_missing() > UNSEEN_FRAMES {
             return Continue(None);
         }

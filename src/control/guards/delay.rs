@@ -29,6 +29,9 @@ pub(super) const NOISE_PX: f64 = 0.05;
 const MODEL_ERROR: f64 = 0.1;
 /// Pulses over which errors of the model are averaged: a motion and its error last as long, two seconds of segments.
 const ALIKE: f64 = 30.0;
+/// Evidence of a pulse that does not count: equal pulses have equal errors of the model, each of which would add to the
+/// sum (the reference value of a CUSUM). Late pictures give more than the limit in three pulses.
+const ALLOWANCE: f64 = 1.0;
 /// Log-likelihood ratio of one pulse that casts doubt: one in a hundred.
 const DOUBTFUL: f64 = 4.6;
 
@@ -210,7 +213,7 @@ impl DelayGuard {
     /// Ends a pulse. Returns the delay of the pictures, frames, once it is certain.
     pub fn end(&mut self) -> Option<usize> {
         let (evidence, unexplained) = self.weighed();
-        self.late.iter_mut().zip(evidence).for_each(|(sum, evidence)| *sum = (*sum + evidence).max(0.0));
+        self.late.iter_mut().zip(evidence).for_each(|(sum, evidence)| *sum = (*sum + evidence - ALLOWANCE).max(0.0));
         if let Some(share) = unexplained {
             let (sum, count) = self.unexplained;
             let kept = (ALIKE - 1.0) / count.max(ALIKE - 1.0);
