@@ -11,7 +11,6 @@ use tempfile::TempDir;
 
 use super::{file, root, run, shipped, status, upm};
 
-/// A campaign of pennies to the middle.
 fn campaign(folder: &Path, seeds: &str, change: impl FnOnce(&mut Value)) -> PathBuf {
     let mut made = json!({"name": "middle", "seeds": seeds, "job": {
         "rig": root().join("configs/rigs/upm-2.json"), "parts": [{"kind": "penny"}],

@@ -105,6 +105,7 @@ pub(super) fn plot(summary: &Summary) -> Chart {
         let points = times_s.iter().enumerate().filter(|(n, _)| n % step == 0 || n + 1 == times_s.len());
         let points = points.map(|(n, &time_s)| [time_s, (n + 1) as f64 / cell.runs as f64]);
         let label = if cell.cell.is_empty() { &summary.facts.name } else { &cell.cell };
-        chart.line(label, Color::nth(i), points)
+        // colours repeat after four
+        if i < 4 { chart.line(label, Color::nth(i), points) } else { chart.dashes(label, Color::nth(i), points) }
     })
 }
