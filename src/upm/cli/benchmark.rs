@@ -22,8 +22,17 @@ use upm_runner::config::{JobSpec, Origin, one_of};
 use upm_runner::run::{PacingStats, RunOptions, RunResult, library_and_places, maker, run};
 
 /// The tasks: shipped jobs.
-const TASKS: [&str; 8] =
-    ["arrange-2", "arrange-4", "arrange-8", "arrange-16", "arrange-24", "sort-8", "sort-12", "letters-16"];
+const TASKS: [&str; 9] = [
+    "arrange-2",
+    "arrange-4",
+    "arrange-8",
+    "arrange-16",
+    "arrange-24",
+    "arrange-32",
+    "sort-8",
+    "sort-12",
+    "letters-16",
+];
 
 /// Figures of one run.
 #[derive(Debug, Serialize, Deserialize)]
