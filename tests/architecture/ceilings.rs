@@ -18,7 +18,7 @@ const CEILINGS: [(&str, usize); 15] = [
     ("recording", 1308),
     // 433 of issue 48's budget, 640 of issue 49's: plates that learners step, a caller's own parts; campaigns, for
     // which 770 lines of the tools' loops went (issue 50)
-    ("runner", 7330),
+    ("runner", 7337),
     ("scene", 869),
     ("server", 4601), // 11 of issue 48's budget
     ("sim", 3465),

@@ -32,11 +32,14 @@ pub struct FolderFacts {
     pub runs: usize,
     /// Values of each cell.
     pub cells: Vec<String>,
+    /// Command that judges the runs, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub judge: Option<String>,
 }
 
 impl FolderFacts {
-    /// Facts of `campaign` in so many shards, run by this program.
-    pub fn of(campaign: &Campaign, shards: usize) -> Self {
+    /// Facts of `campaign` in so many shards, run by this program and judged by a command.
+    pub fn of(campaign: &Campaign, shards: usize, judge: Option<&str>) -> Self {
         Self {
             name: campaign.name.clone(),
             campaign: campaign.hash(),
@@ -44,6 +47,7 @@ impl FolderFacts {
             shards,
             runs: campaign.runs(),
             cells: (0..campaign.cells()).map(|cell| campaign.cell_name(cell)).collect(),
+            judge: judge.map(str::to_owned),
         }
     }
 
@@ -55,7 +59,12 @@ impl FolderFacts {
 
     /// The reason why lines of `other` cannot be counted with these: both hashes.
     fn differs(&self, other: &Self, file: &Path) -> Option<Diagnostic> {
-        let hashes = [("campaign", &self.campaign, &other.campaign), ("program", &self.program, &other.program)];
+        let [ours, theirs] = [self, other].map(|facts| facts.judge.clone().unwrap_or("none".into()));
+        let hashes = [
+            ("campaign", &self.campaign, &other.campaign),
+            ("program", &self.program, &other.program),
+            ("judge", &ours, &theirs),
+        ];
         let (what, ours, theirs) = hashes.into_iter().find(|(_, ours, theirs)| ours != theirs)?;
         let (found, allowed) =
             (format!("runs of {what} {theirs}"), format!("those of {what} {ours}, or an empty folder"));
@@ -141,7 +150,7 @@ impl CampaignFolder {
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
         file.set_len(whole as u64).map_err(|error| failed(&path, &error))?;
         let lines = text[..whole].lines().map(serde_json::from_str::<RunLine>);
-        let present = lines.filter_map(Result::ok).map(|line| line.key).collect();
+        let present = lines.filter_map(Result::ok).map(|line| (line.run, line.key)).collect();
         Ok(ShardFile { file, path, length: whole as u64, present })
     }
 
@@ -207,13 +216,13 @@ pub(super) struct ShardFile {
     file: File,
     path: PathBuf,
     length: u64,
-    present: HashSet<String>,
+    present: HashSet<(usize, String)>,
 }
 
 impl ShardFile {
-    /// True if the job and program with this key have a line.
-    pub fn has(&self, key: &str) -> bool {
-        self.present.contains(key)
+    /// True if there is a line of this run with its job and program.
+    pub fn has(&self, line: &RunLine) -> bool {
+        self.present.contains(&(line.run, line.key.clone()))
     }
 
     /// Appends a line by one write. Where that fails, the lines so far stay whole.
@@ -228,7 +237,7 @@ impl ShardFile {
             return Err(failed(&self.path, &error));
         }
         self.length += text.len() as u64;
-        self.present.insert(line.key.clone());
+        self.present.insert((line.run, line.key.clone()));
         Ok(())
     }
 }

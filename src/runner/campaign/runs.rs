@@ -125,17 +125,17 @@ impl CampaignRunner<'_> {
         };
         let guard = self.without_guard.map(|guard| format!(" without {}", guard.code())).unwrap_or_default();
         let key = format!("{}-{}", hash_of(&(document + &guard)), self.folder.facts.program);
+        let mut line = RunLine { run: run + 1, key, cell, seed, ..RunLine::default() };
         {
             let mut file = shard.file.lock();
             if file.is_none() {
                 *file = Some(self.folder.shard(shard.shard)?);
             }
-            if file.as_ref().is_some_and(|file| file.has(&key)) {
+            if file.as_ref().is_some_and(|file| file.has(&line)) {
                 return Ok(None);
             }
         }
         let begun = state.clock.elapsed();
-        let mut line = RunLine { run: run + 1, key, cell, seed, ..RunLine::default() };
         match (job, library) {
             (Ok(mut job), Ok(library)) => {
                 job.without_guard = self.without_guard;

@@ -113,7 +113,7 @@ fn impossible_draws_are_refused_by_their_places() {
 fn shards_divide_the_runs() {
     let made = campaign("1..25", drawn_job()).unwrap();
     for shards in [1, 3, 64, 1000] {
-        let facts = FolderFacts::of(&made, shards);
+        let facts = FolderFacts::of(&made, shards, None);
         let runs: Vec<usize> = (0..shards).flat_map(|shard| facts.runs_of(shard)).collect();
         assert_eq!(runs, (0..100).collect::<Vec<_>>());
     }
@@ -121,7 +121,7 @@ fn shards_divide_the_runs() {
 
 /// Makes the runs of `campaign` into a folder below `out`; how many were made.
 fn made_runs(campaign: &Campaign, out: &Path, threads: usize, judge: Option<&str>) -> usize {
-    let folder = CampaignFolder::open_or_create(out, FolderFacts::of(campaign, 8)).unwrap();
+    let folder = CampaignFolder::open_or_create(out, FolderFacts::of(campaign, 8, judge)).unwrap();
     let (stop, count) = (AtomicBool::new(false), Mutex::new(0));
     let runner = CampaignRunner {
         campaign,

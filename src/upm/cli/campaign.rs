@@ -22,7 +22,7 @@ use progress::CampaignProgress;
 use upm_core::job::Pace;
 use upm_recording::RerunMode;
 use upm_runner::campaign::{Campaign, CampaignFolder, CampaignRunner, FolderFacts, Keep, Seeds};
-use upm_runner::config::{JobSpec, Origin, text_of};
+use upm_runner::config::{Origin, text_of};
 use upm_runner::run::library_and_places;
 
 /// Default folder of campaigns.
@@ -42,7 +42,7 @@ pub(super) fn campaign(args: &CampaignArgs, common: Common) -> Result<u8, Failur
         return against::against(&campaign, other, (args, &out), common, &stop);
     }
     let (shard, shards) = args.shard.map_or((None, USUAL_SHARDS), |(shard, shards)| (Some(shard), shards));
-    let facts = FolderFacts::of(&campaign, shards);
+    let facts = FolderFacts::of(&campaign, shards, args.judge.as_deref());
     let folder = CampaignFolder::open_or_create(&out, facts).map_err(|error| run_failure(&error))?;
     let range = args.runs_of(campaign.runs())?;
     let runner = CampaignRunner { folder: &folder, ..args.runner(&campaign, &folder, &stop) };
@@ -95,8 +95,8 @@ pub(super) fn of_seeds(file: &Path, seeds: &Seeds, args: &RunArgs, common: Commo
     let name = &job.name[..job.name.floor_char_boundary(200)];
     let in_usual = || Path::new(USUAL_OUT).join(format!("{name}-seeds-{}", utc_now()));
     let out: PathBuf = args.out.clone().unwrap_or_else(in_usual);
-    let campaign = campaign_of(&job, file, seeds);
-    let facts = FolderFacts::of(&campaign, 1);
+    let campaign = Campaign::of_job(&job.name, job.effective(), Origin::of_file(file), seeds, job.camera);
+    let facts = FolderFacts::of(&campaign, 1, None);
     let folder = CampaignFolder::open_or_create(&out, facts).map_err(|error| run_failure(&error))?;
     let stop = stop_on_interrupt();
     let runner = CampaignRunner {
@@ -113,10 +113,6 @@ pub(super) fn of_seeds(file: &Path, seeds: &Seeds, args: &RunArgs, common: Commo
     made(&runner, 0..1, 0..campaign.runs(), common)?;
     let status = merge::merged(&[folder], None, common)?;
     Ok(if stop.load(Ordering::Relaxed) { INTERRUPTED } else { status })
-}
-
-fn campaign_of(job: &JobSpec, file: &Path, seeds: &Seeds) -> Campaign {
-    Campaign::of_job(&job.name, job.effective(), Origin::of_file(file), seeds, job.camera)
 }
 
 impl CampaignArgs {

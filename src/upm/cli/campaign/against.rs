@@ -30,7 +30,10 @@ pub(super) fn against(
         None => args.campaign(Some(other))?,
     };
     let open = |campaign: &Campaign, name: &str| {
-        let folder = CampaignFolder::open_or_create(&out.join(name), FolderFacts::of(campaign, USUAL_SHARDS));
+        let folder = CampaignFolder::open_or_create(
+            &out.join(name),
+            FolderFacts::of(campaign, USUAL_SHARDS, args.judge.as_deref()),
+        );
         folder.map_err(|error| run_failure(&error))
     };
     let this = open(campaign, "this")?;
@@ -81,6 +84,7 @@ fn by_program(
 ) -> Result<(), Failure> {
     let (mut command, jobs) = (Command::new(program), args.jobs);
     command.arg("campaign").arg(file).args(args.set.iter().flat_map(|set| ["--set", set]));
+    command.args(args.judge.iter().flat_map(|judge| ["--judge", judge]));
     command.args(["--runs", &format!("{first}..{last}"), "--jobs", &jobs.to_string()]);
     let started = command.arg("--out").arg(out).arg("--quiet").stdin(Stdio::null()).stdout(Stdio::null()).status();
     let status = started.map_err(|error| Failure::read_failed(program, &error))?;
