@@ -20,7 +20,7 @@ mod summary;
 mod tests;
 
 pub use file::{Campaign, put};
-pub use folder::{CampaignFolder, FolderFacts};
+pub use folder::{CampaignFolder, FolderFacts, MOST_SHARDS};
 pub use judge::Judge;
 pub use line::{Figures, RunLine};
 pub use pairs::{Pairs, PairsVerdict};

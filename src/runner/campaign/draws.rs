@@ -28,7 +28,7 @@ fn draw(value: &Value) -> Option<(&str, &Value)> {
     members.next().filter(|(name, _)| name.starts_with('$') && *name != "$schema").map(|(name, of)| (name.as_str(), of))
 }
 
-/// Every `$each` of a job, in the order of its paths. Reports each draw that is none.
+/// Every `$each` of a job, in the order of its paths. Reports malformed draws.
 pub(super) fn axes(job: &Value, at: &Path, faults: &mut Diagnostics) -> Vec<Axis> {
     let mut found = Vec::new();
     if let Some(("$each", Value::Array(values))) = draw(job) {
@@ -124,7 +124,7 @@ impl Places {
 }
 
 /// The job of one run: `choices` are those of the axes, and everything else is drawn from `streams`, each value from a
-/// stream of its own path. Reports what cannot be drawn.
+/// stream named after its path. Reports draws that cannot be made.
 pub(super) fn drawn(job: &Value, choices: &[(&Axis, usize)], streams: Streams, faults: &mut Diagnostics) -> Value {
     let mut drawing = Drawing { choices, streams, faults };
     let mut job = drawing.value(job, &Path::root());

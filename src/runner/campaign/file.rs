@@ -10,6 +10,8 @@ use upm_core::random::Streams;
 
 /// Most runs of a campaign.
 const MOST_RUNS: usize = 10_000_000;
+/// Most cells: the first job of each is checked at the start.
+const MOST_CELLS: usize = 1000;
 /// Longest name of a cell's value, characters.
 const LONGEST_NAME: usize = 40;
 
@@ -60,9 +62,10 @@ impl Campaign {
             extend_rigs(&mut job, &Path::root(), &origin, faults);
             let axes = draws::axes(&job, &Path::root(), faults);
             let (name, camera, seeds) = (file.name, file.camera, seeds.ok()?.as_slice().to_vec());
-            let runs = axes.iter().try_fold(seeds.len(), |runs, axis| runs.checked_mul(axis.values.len()));
-            let runs = runs.filter(|runs| *runs <= MOST_RUNS);
-            faults.require(runs.is_some(), "seeds", "too many runs", format!("up to {MOST_RUNS} in all cells"));
+            let cells = axes.iter().try_fold(1usize, |cells, axis| cells.checked_mul(axis.values.len()));
+            let fits = cells.is_some_and(|cells| cells <= MOST_CELLS && cells * seeds.len() <= MOST_RUNS);
+            let allowed = format!("up to {MOST_CELLS} cells and {MOST_RUNS} runs");
+            faults.require(fits, "seeds", "too many runs", allowed);
             Some(Self { name, camera, seeds, axes, job, changes, origin })
         })?;
         (0..campaign.cells()).try_for_each(|cell| campaign.job(cell).map(drop))?;

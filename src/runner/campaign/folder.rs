@@ -13,6 +13,8 @@ use upm_core::files::write_whole;
 
 /// Name of the file with the facts of a campaign.
 const FACTS_FILE: &str = "campaign.json";
+/// Most shards of a campaign.
+pub const MOST_SHARDS: usize = 10_000;
 /// Folder of the runs that are kept.
 pub(super) const KEPT: &str = "kept";
 
@@ -115,8 +117,11 @@ impl CampaignFolder {
         let file = path.join(FACTS_FILE);
         let name = file.display().to_string();
         let text = fs::read_to_string(&file).map_err(|error| Diagnostic::unreadable(&name, reason(&error)))?;
-        let facts = serde_json::from_str(&text);
+        let facts = serde_json::from_str::<FolderFacts>(&text);
         let facts = facts.map_err(|error| Diagnostic::new(&name, "$", error, "what `upm campaign` wrote"))?;
+        if !(1..=MOST_SHARDS).contains(&facts.shards) {
+            return Err(Diagnostic::new(&name, "shards", facts.shards, format!("1 to {MOST_SHARDS}")).into());
+        }
         Ok(Self { path: path.to_owned(), facts })
     }
 
@@ -145,20 +150,21 @@ impl CampaignFolder {
             // a file system without locks: the caller's engine sees to it
             Err(TryLockError::Error(error)) => tracing::debug!("{}: no lock: {error}", path.display()),
         }
-        let mut text = String::new();
-        file.read_to_string(&mut text).map_err(|error| failed(&path, &error))?;
-        let whole = text.rfind('\n').map_or(0, |end| end + 1);
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).map_err(|error| unreadable(&path, &error))?;
+        let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
         file.set_len(whole as u64).map_err(|error| failed(&path, &error))?;
-        let lines = text[..whole].lines().map(serde_json::from_str::<RunLine>);
+        let lines = bytes[..whole].split(|byte| *byte == b'\n').map(serde_json::from_slice::<RunLine>);
         let present = lines.filter_map(Result::ok).map(|line| (line.run, line.key)).collect();
         Ok(ShardFile { file, path, length: whole as u64, present })
     }
 
     /// The whole lines of a shard, in the order of their runs, from this folder and `others` of the same campaign, each
-    /// run once; with the number of lines that were there before.
+    /// run once, and the number of lines that repeat another one. Damaged lines are left out: their runs are missing,
+    /// and are made again.
     ///
     /// # Errors
-    /// A line that is none, by its file and number, a run that two lines have of different jobs, and errors of reading.
+    /// Two lines of one run with different jobs, and errors of reading.
     pub fn lines_of(&self, shard: usize, others: &[Self]) -> Result<(Vec<RunLine>, usize), RunError> {
         let mut lines: Vec<RunLine> = Vec::new();
         std::iter::once(self).chain(others).try_for_each(|folder| folder.read_lines(shard, &mut lines))?;
@@ -178,23 +184,18 @@ impl CampaignFolder {
         let file = match File::open(&path) {
             Ok(file) => file,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-            Err(error) => return Err(failed(&path, &error)),
+            Err(error) => return Err(unreadable(&path, &error)),
         };
-        let (mut reader, mut text) = (BufReader::with_capacity(1 << 18, file), String::new());
-        for number in 1.. {
-            text.clear();
-            reader.read_line(&mut text).map_err(|error| failed(&path, &error))?;
+        let (mut reader, mut bytes) = (BufReader::with_capacity(1 << 18, file), Vec::new());
+        loop {
+            bytes.clear();
+            reader.read_until(b'\n', &mut bytes).map_err(|error| unreadable(&path, &error))?;
             // the last line may be under way
-            if !text.ends_with('\n') {
-                break;
+            if bytes.last() != Some(&b'\n') {
+                return Ok(());
             }
-            let line = serde_json::from_str(&text).map_err(|error| {
-                let found = format!("line {number}: {error}");
-                Diagnostic::new(&path.display().to_string(), "$", found, "a line of `upm campaign`")
-            })?;
-            lines.push(line);
+            lines.extend(serde_json::from_slice::<RunLine>(&bytes));
         }
-        Ok(())
     }
 
     /// Fails if `other` is of another campaign or another program.
@@ -204,6 +205,10 @@ impl CampaignFolder {
     pub fn check_same(&self, other: &Self) -> Result<(), RunError> {
         self.facts.differs(&other.facts, &other.path.join(FACTS_FILE)).map_or(Ok(()), |fault| Err(fault.into()))
     }
+}
+
+fn unreadable(path: &Path, error: &io::Error) -> RunError {
+    Diagnostic::unreadable(&path.display().to_string(), reason(error)).into()
 }
 
 pub(super) fn failed(path: &Path, error: &io::Error) -> RunError {

@@ -29,6 +29,9 @@ impl Judge {
     /// A shell that cannot be started.
     pub fn start(command: &str) -> Result<Self, RunError> {
         let mut shell = Command::new("sh");
+        // Ctrl-C ends the campaign, which ends its judges
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut shell, 0);
         let started = shell.args(["-c", command]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
         let mut child = started.map_err(|error| RunError::Judge(format!("{command:?}: {}", reason(&error))))?;
         let (asked, answers) = (child.stdin.take(), child.stdout.take());

@@ -192,6 +192,11 @@ impl CampaignRunner<'_> {
         let stays = self.keep == Keep::All || self.keep == Keep::Failures && !line.success;
         if stays && state.kept_bytes.load(Ordering::Relaxed) < self.most_kept_bytes {
             let folder = if has_folder { folder } else { self.in_folder(job, library, line.run)?.1 };
+            if self.stop.load(Ordering::Relaxed) && !has_folder {
+                // the second time it may have been stopped
+                fs::remove_dir_all(&folder).ok();
+                return Ok(None);
+            }
             state.kept_bytes.fetch_add(size_of(&folder), Ordering::Relaxed);
             line.folder = folder.strip_prefix(self.folder.path()).ok().map(|path| path.display().to_string());
         } else if has_folder {
@@ -242,7 +247,7 @@ fn size_of(folder: &Path) -> u64 {
     entries.map(|entry| entry.metadata().map_or(0, |m| if m.is_dir() { size_of(&entry.path()) } else { m.len() })).sum()
 }
 
-/// A library with its hash, or why there is none.
+/// A library with its hash, or the faults of its file.
 type Loaded = Result<(Arc<Library>, String), Vec<Diagnostic>>;
 
 /// A library that was read once, for all jobs.

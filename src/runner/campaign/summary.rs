@@ -119,7 +119,7 @@ impl Summary {
 
     /// Runs that have no line.
     pub fn missing(&self) -> usize {
-        self.facts.runs - self.done
+        self.facts.runs.saturating_sub(self.done)
     }
 }
 

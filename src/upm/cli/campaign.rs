@@ -48,7 +48,9 @@ pub(super) fn campaign(args: &CampaignArgs, common: Common) -> Result<u8, Failur
     let runner = CampaignRunner { folder: &folder, ..args.runner(&campaign, &folder, &stop) };
     made(&runner, shard.map_or(0..shards, |shard| shard..shard + 1), range, common)?;
     if stop.load(Ordering::Relaxed) {
-        errln!("upm: ended early; the same command goes on with what is left");
+        if !common.quiet {
+            errln!("upm: ended early; the same command goes on with what is left");
+        }
         return Ok(INTERRUPTED);
     }
     match shard {
@@ -135,10 +137,10 @@ impl CampaignArgs {
         CampaignRunner {
             campaign,
             folder,
-            threads: self.jobs,
+            threads: self.jobs.map_or(0, usize::from),
             keep: self.keep,
             rerun: RerunMode::Off,
-            most_kept_bytes: self.keep_mb * 1_000_000,
+            most_kept_bytes: self.keep_mb.saturating_mul(1_000_000),
             judge: self.judge.as_deref(),
             #[cfg(feature = "mutants")]
             without_guard: self.without_guard,

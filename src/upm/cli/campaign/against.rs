@@ -82,10 +82,11 @@ fn by_program(
     (first, last): (usize, usize),
     args: &CampaignArgs,
 ) -> Result<(), Failure> {
-    let (mut command, jobs) = (Command::new(program), args.jobs);
+    let mut command = Command::new(program);
     command.arg("campaign").arg(file).args(args.set.iter().flat_map(|set| ["--set", set]));
     command.args(args.judge.iter().flat_map(|judge| ["--judge", judge]));
-    command.args(["--runs", &format!("{first}..{last}"), "--jobs", &jobs.to_string()]);
+    command.args(args.jobs.iter().flat_map(|jobs| ["--jobs".to_owned(), jobs.to_string()]));
+    command.args(["--runs", &format!("{first}..{last}")]);
     let started = command.arg("--out").arg(out).arg("--quiet").stdin(Stdio::null()).stdout(Stdio::null()).status();
     let status = started.map_err(|error| Failure::read_failed(program, &error))?;
     // 1 is for runs without success

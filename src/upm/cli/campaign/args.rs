@@ -8,7 +8,7 @@ use clap::{Args, Subcommand};
 
 #[cfg(feature = "mutants")]
 use crate::cli::run_args::finding;
-use upm_runner::campaign::Keep;
+use upm_runner::campaign::{Keep, MOST_SHARDS};
 
 /// Shards of a campaign where none are asked for: tasks for as many workers as most have.
 pub(super) const USUAL_SHARDS: usize = 64;
@@ -41,8 +41,8 @@ pub struct CampaignArgs {
     #[arg(long, value_name = "FIRST..LAST", value_parser = range)]
     pub runs: Option<(usize, usize)>,
     /// Runs at once [default: as many as there are cores]
-    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
-    pub jobs: usize,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
     /// Run folders that stay
     #[arg(long, value_name = "WHICH", default_value = Keep::Nothing.code(), value_parser = keep())]
     pub keep: Keep,
@@ -88,9 +88,6 @@ pub struct MergeArgs {
 fn keep() -> impl TypedValueParser<Value = Keep> {
     PossibleValuesParser::new(Keep::ALL.map(Keep::code)).map(|name| Keep::of_code(&name).unwrap_or_default())
 }
-
-/// Most shards of a campaign.
-const MOST_SHARDS: usize = 10_000;
 
 /// Two numbers with `between` between them.
 fn pair(text: &str, between: &str) -> Option<(usize, usize)> {
