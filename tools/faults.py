@@ -71,7 +71,7 @@ def faulty_runs(upm, out, runs, *options):
     """Makes runs of the faulty campaign, judged; the lines of those that break a rule."""
     file = ROOT / "configs/campaigns/faulty.json"
     output_of([upm, "campaign", file, "--out", out, "--runs", runs, "--judge", judging(upm), "--quiet", *options], (0, 1))
-    return [line for line in judge.lines_of(out) if line["violations"]]
+    return [line for line in judge.lines_of(out) if line.get("violations")]
 
 
 def run_mutants(args):
