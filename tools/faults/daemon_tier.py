@@ -13,7 +13,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
-from common import table, upper_bound
+from common import table
 from upm_daemon import DaemonFault
 
 from . import jobs, oracle, pausing, schedules
@@ -129,7 +129,7 @@ class Tier:
     def alone(self, case):
         """The end of the same job by `upm run`."""
         folder = self.scratch / "-".join(map(str, case.head)).replace(" ", "-").replace("/", "-")
-        run_folder, _ = self.runner.run(case.made.job, case.faults, folder)
+        run_folder = self.runner.run(case.made.job, case.faults, folder)
         if run_folder is None:
             return End("refused")
         try:
@@ -273,7 +273,7 @@ def report(faulty, stopped, daemon_faults, wall_s):
     print(f"{due} ends have to pause the plate, {paused} ends paused it")
     verdicts = faulty + stopped
     bad = [verdict for verdict in verdicts if verdict.violations]
-    print(f"{len(bad)} of {len(verdicts)} break a rule; rate at most {upper_bound(len(bad), len(verdicts)):.1e} (95 %)")
+    print(f"{len(bad)} of {len(verdicts)} break a rule")
     print_violations(bad, daemon_faults)
     return not bad and not daemon_faults
 

@@ -1,4 +1,4 @@
-"""The eight job templates of the campaign, drawn by seed on both rigs and for both planners."""
+"""The job templates of the named schedules, drawn by seed."""
 import json
 import math
 from dataclasses import dataclass
@@ -14,21 +14,10 @@ MARGIN_MM = 8.0
 
 @dataclass(frozen=True)
 class Made:
-    """A job without faults, and what it was drawn as."""
+    """A job without faults, and its rig's name."""
 
-    template: str
     rig: str
-    planner: str
     job: dict
-
-    @property
-    def parts(self):
-        return sum(row.get("count", 1) for row in self.job["parts"])
-
-    @property
-    def end_s(self):
-        """When the job ends if all goes well, where that is known."""
-        return self.job["task"].get("duration_s")
 
 
 def places(rng, rig, count, apart_mm, widest="penny", most_mm=math.inf):
@@ -62,39 +51,23 @@ def equal(rng, rig):
     return parts, {"type": "arrange", "targets_mm": at[2:], "assignment": "fixed"}
 
 
-def edge(rng, rig):
-    """A penny to a place near a random side of the plate."""
-    far_mm = RIGS[rig]["plate"]["side_mm"] / 2 - RADIUS_MM["penny"] - MARGIN_MM
-    along_mm = round(rng.uniform(-0.6 * far_mm, 0.6 * far_mm), 2)
-    near = rng.choice(([far_mm, along_mm], [-far_mm, along_mm], [along_mm, far_mm], [along_mm, -far_mm]))
-    parts = [{"kind": "penny", "position_mm": places(rng, rig, 1, 0.0)[0]}]
-    return parts, {"type": "arrange", "targets_mm": [[round(v, 2) for v in near]], "assignment": "fixed"}
-
-
 def sort8(_, __):
     job = config("sort-8")
     return job["parts"], job["task"]
-
-
-def hold(_, __):
-    # faults that a run has to get over end at five seconds: some of them lie at this end
-    return [{"kind": "penny", "count": 4}], {"type": "hold", "duration_s": 4.95}
 
 
 def endless(_, __):
     return [{"kind": "penny"}], {"type": "plus_sign", "laps": 0, "edge_margin_mm": 8}
 
 
-# name: maker, rigs, plate time limit by planner (fields, rotations), s
+# name: maker, plate time limit by planner (fields, rotations), s
 TEMPLATES = {
-    "arr1": (lambda rng, rig: arrange(rng, rig, 1), ("upm-1", "upm-2"), (10, 40)),
-    "arr4": (lambda rng, rig: arrange(rng, rig, 4), ("upm-2",), (20, 60)),
-    "swap": (swap, ("upm-2",), (10, 40)),
-    "equal": (equal, ("upm-2",), (10, 40)),
-    "edge": (edge, ("upm-1", "upm-2"), (10, 60)),
-    "sort8": (sort8, ("upm-2",), (30, 90)),
-    "hold": (hold, ("upm-2",), (10, 10)),
-    "endless": (endless, ("upm-1", "upm-2"), (10, 10)),
+    "arr1": (lambda rng, rig: arrange(rng, rig, 1), (10, 40)),
+    "arr4": (lambda rng, rig: arrange(rng, rig, 4), (20, 60)),
+    "swap": (swap, (10, 40)),
+    "equal": (equal, (10, 40)),
+    "sort8": (sort8, (30, 90)),
+    "endless": (endless, (10, 10)),
 }
 
 
@@ -115,18 +88,9 @@ def rig_of(name, is_small):
     return rig
 
 
-def planners(rig, moves_parts):
-    """The planners of a job: only upm-2 has fields, and motions without pauses carry parts somewhere."""
-    fields = ["synthesized_field"] + ["moving_field"] * moves_parts
-    return ["cor_sequence"] + fields * (rig == "upm-2")
-
-
-def make(rng, template=None, rig=None, planner=None, seed=0, is_small=None):
-    """A job; arguments left out are drawn."""
-    template = template or rng.choice(sorted(TEMPLATES))
-    maker, rigs, limits_s = TEMPLATES[template]
-    rig = rig or rng.choice(rigs)
-    planner = planner or rng.choice(planners(rig, template not in ("hold", "endless")))
+def make(rng, template, rig, planner, seed=0, is_small=None):
+    """A job; whether its camera is small is drawn where it is not told."""
+    maker, limits_s = TEMPLATES[template]
     is_small = rng.random() < 0.8 if is_small is None else is_small
     parts, task = maker(rng, rig)
     job = {
@@ -139,4 +103,4 @@ def make(rng, template=None, rig=None, planner=None, seed=0, is_small=None):
         "tolerance_mm": TOLERANCE_MM,
         "limits": {"plate_time_s": limits_s[planner == "cor_sequence"]},
     }
-    return Made(template, rig, planner, job)
+    return Made(rig, job)

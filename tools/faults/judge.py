@@ -41,10 +41,10 @@ def of_folder(runner, folder, number=None, wants_bars=False):
         found.append(oracle.Violation("needless", f"{run.stop_code or run.outcome} although every fault is harmless"))
     with tempfile.TemporaryDirectory(prefix="upm-judge-") as scratch:
         if number and number % VERIFY_EVERY == 0:
-            said = runner.verify(folder, run.job, scratch)
+            said = runner.verify(folder, run.job)
             found += [oracle.Violation("O10", f"does not repeat: {said[:200]}")] if said else []
         if number and number % NEXT_JOB_EVERY == 0 and run.faults and oracle.ends_its_faults(run):
-            next_folder, _ = runner.run(run.job | {"faults": []}, [], scratch)
+            next_folder = runner.run(run.job | {"faults": []}, [], scratch)
             outcome = "refused" if next_folder is None else oracle.Run.read(next_folder).outcome
             if outcome != "completed":
                 found.append(oracle.Violation("O9", f"the next job, without faults, is {outcome}"))

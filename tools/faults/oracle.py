@@ -15,12 +15,10 @@ from .vocabulary import LIVENESS_END_S, Fault, is_blinding
 SWINGS_OUT_S = 4.0
 STUCK = ("coils stuck", "coil stuck")
 NAMED_WITHIN_S = 0.5
-MOST_RSS_MB = 200.0
 # a run may wait so long for a hand to go
 OVER_LIMIT_S = 12.0
 # findings that are told once when they begin, and may end the run much later
 TOLD_FIRST = ("coil_fault", "motion_off", "accelerometer_fault", "camera_moved", *actuators.BLIND_CODES)
-STATUS_OF = {"completed": 0, "failed": 1, "cancelled": 130}
 
 
 @dataclass(frozen=True)
@@ -163,11 +161,11 @@ def pulses_of(lines):
     return sorted(pulses, key=lambda pulse: pulse.start_s)
 
 
-def judge(run, process=None, is_liveness=None):
-    """Every violation of a run; `is_liveness` when its schedule was drawn to end by five seconds."""
+def judge(run):
+    """Every violation of a run."""
     rules = [claims.violations(run), detection.violations(run), unnamed_losses(run), progress.violations(run)]
-    rules += [after_the_end(run), resources(run, process), false_alarms(run)]
-    if is_liveness or (is_liveness is None and ends_its_faults(run)):
+    rules += [after_the_end(run), resources(run), false_alarms(run)]
+    if ends_its_faults(run):
         rules.append(untyped_end(run))
     return [Violation(*row) for rule in rules for row in rule]
 
@@ -177,13 +175,13 @@ def ends_its_faults(run):
     return run.faults and all(fault.to_s <= LIVENESS_END_S for fault in run.faults)
 
 
-def judge_folder(folder, process=None, is_liveness=None):
+def judge_folder(folder):
     """The run and its violations; a folder that cannot be read is one."""
     try:
         run = Run.read(folder)
     except (OSError, ValueError, KeyError, TypeError) as fault:
-        return None, [Violation("O6", f"no complete run folder: {type(fault).__name__} {fault}")] + process_faults(process)
-    return run, judge(run, process, is_liveness)
+        return None, [Violation("O6", f"no complete run folder: {type(fault).__name__} {fault}")]
+    return run, judge(run)
 
 
 def hides_parts(fault):
@@ -225,33 +223,13 @@ def after_the_end(run):
             yield "O5", f"a pulse starts at {pulse.start_s:.3f} s, after the end at {last_s:.3f} s"
 
 
-def resources(run, process):
-    """O6: wall time, exit status, no panic, memory."""
+def resources(run):
+    """O6: plate time and wall time."""
     limit_s = 3.0 * run.job["limits"]["plate_time_s"] + 20.0
     if run.end_s > run.job["limits"]["plate_time_s"] + OVER_LIMIT_S:
         yield "O6", f"ended at {run.end_s:.1f} s of plate time, {run.job['limits']['plate_time_s']} s asked for"
     if run.report["wall_time_s"] > limit_s:
         yield "O6", f"{run.report['wall_time_s']:.1f} s of wall time, allowed {limit_s:.0f} s"
-    expected = 1 if run.report.get("verdict") == "false_success" else STATUS_OF.get(run.outcome)
-    if process and process.status in (0, 1, 130) and process.status != expected:
-        yield "O6", f"exit status {process.status} of a run that is {run.outcome}"
-    for violation in process_faults(process):
-        yield violation.rule, violation.text
-
-
-def process_faults(process):
-    if process is None:
-        return []
-    found = []
-    if process.status not in (0, 1, 2, 130):
-        found.append(f"exit status {process.status}")
-    if process.wall_s > process.allowed_s:
-        found.append(f"the process took {process.wall_s:.1f} s, allowed {process.allowed_s:.0f} s")
-    if "panicked at" in process.stderr:
-        found.append(f"panic: {process.stderr[process.stderr.index('panicked at'):][:160]}")
-    if process.rss_mb > MOST_RSS_MB:
-        found.append(f"{process.rss_mb:.0f} MB of memory, allowed {MOST_RSS_MB:.0f} MB")
-    return [Violation("O6", text) for text in found]
 
 
 def false_alarms(run):
