@@ -30,12 +30,12 @@ mod resonance;
 mod session;
 mod steering;
 
+use upm_perception::estimation::OscillatorFit;
 use upm_planning::cor_library::{Entry, FieldResponse, Library, PlateResponse};
 
 pub use axes::Axes;
 pub use fault::{CalibrationError, CoilError, MiswiredChannel, RigComponent};
 pub use params::{CalibrationParams, CalibrationProgress};
-pub use resonance::AxisResonance;
 pub use session::CalibrationSession;
 
 impl CalibrationSession<'_> {
@@ -76,7 +76,7 @@ impl CalibrationSession<'_> {
     ///
     /// # Errors
     /// As [`Self::axes`].
-    pub fn resonances(mut self, params: &CalibrationParams) -> Result<Option<[AxisResonance; 3]>, CalibrationError> {
+    pub fn resonances(mut self, params: &CalibrationParams) -> Result<Option<[OscillatorFit; 3]>, CalibrationError> {
         axes::measure(&mut self, params)?;
         resonance::measure(&mut self)
     }
@@ -91,8 +91,8 @@ impl CalibrationSession<'_> {
         let (model, session) = (self.model, &mut self);
         let axes = axes::measure(session, params)?;
         let plate = resonance::measure(session)?.map(|axes| PlateResponse {
-            natural_radps: axes.each_ref().map(|axis| axis.fit.natural_radps),
-            damping_ratio: axes.each_ref().map(|axis| axis.fit.damping_ratio),
+            natural_radps: axes.each_ref().map(|axis| axis.natural_radps),
+            damping_ratio: axes.each_ref().map(|axis| axis.damping_ratio),
         });
         session.plate = plate.unwrap_or_default();
         let motions = displacement::motions(0.5 * model.plate_side_m, params.gentle_mps);

@@ -3,7 +3,6 @@ mod moving;
 mod play;
 mod probe;
 
-use std::ops::ControlFlow::{Break, Continue};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
@@ -57,17 +56,14 @@ pub struct FinalState {
 pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, params: &ControlParams) -> FinalState {
     let limits = params.guards.limits(params.parts.len(), params.method != PlanningMethod::MovingField);
     let open = |io: &mut RunIo<'_>| {
-        let planner = match PulsePlanner::new(params, library, io.planner.take()) {
-            Ok(planner) => planner,
-            Err(ending) => return Break(ending),
-        };
+        let planner = PulsePlanner::new(params, library, io.planner.take())?;
         let mut perception = Perception::open(io, &params.kinds, &params.parts, params.guards)?;
         let noise_px = library.camera_noise.map(|noise| noise.corner_px);
         perception.delay.for_run(limits.late_limit, noise_px);
-        Continue((planner, perception))
+        Ok((planner, perception))
     };
     let finish = match open(&mut io) {
-        Continue((planner, perception)) => {
+        Ok((planner, perception)) => {
             let mut cycle = ControlCycle {
                 planning: Planning::new(params, library, planner, 0.5 * io.model.plate_side_m),
                 load_mps2: MOST_FRICTION * GRAVITY_MPS2 * params.parts_mass_kg() / io.model.plate_mass_kg,
@@ -91,7 +87,7 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
             };
             cycle.until_end()
         }
-        Break(ending) => FinalState { ending, ..FinalState::default() },
+        Err(ending) => FinalState { ending, ..FinalState::default() },
     };
     io.rig.stop();
     let level = if finish.ending.outcome == Outcome::Failed { EventLevel::Error } else { EventLevel::Info };
@@ -140,11 +136,11 @@ impl ControlCycle<'_, '_> {
         let ending = loop {
             observe = match observe {
                 // the last cycle is over here, its parts seen at rest
-                Continue(_) if self.io.give_way.load(Ordering::Relaxed) => {
+                Ok(_) if self.io.give_way.load(Ordering::Relaxed) => {
                     break RunEnd::gave_way(self.params.endless && self.makes_progress());
                 }
-                Continue(observed) => self.once(observed, &mut last_pulse_at),
-                Break(ending) => break ending,
+                Ok(observed) => self.once(observed, &mut last_pulse_at),
+                Err(ending) => break ending,
             };
         };
         // a stopped run ends in the middle: its repetition goes on, and reports no end there
@@ -190,7 +186,7 @@ impl ControlCycle<'_, '_> {
         self.warn_of_hindrances(&wanted, &observed);
         self.check_limits()?;
         if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has(Finding::NoProgress) {
-            return Break(self.planning.watch.ending(&wanted, &observed, self.params));
+            return Err(self.planning.watch.ending(&wanted, &observed, self.params));
         }
         self.change_planner(&wanted, &observed);
         // where nothing is asked, the plate rests until a part has drifted, or time has passed
@@ -236,9 +232,9 @@ impl ControlCycle<'_, '_> {
             if self.io.rig.now() - *last_pulse_at > STALLED_S {
                 let blocking_part = self.planning.blocking_part(&wanted, &result);
                 let reason = format!("stalled: no pulse for {STALLED_S} s of plate time; {blocking_part}");
-                return Break(RunEnd::failed_because(Finding::NoProgress, reason));
+                return Err(RunEnd::failed_because(Finding::NoProgress, reason));
             }
-            return Continue(result);
+            return Ok(result);
         }
         let cycle_us = (self.io.clock.elapsed() - started).as_secs_f64() * 1e6;
         self.io.sink.cycle(&CycleFacts {
@@ -254,7 +250,7 @@ impl ControlCycle<'_, '_> {
             cycle_us,
         });
         self.index += 1;
-        Continue(result)
+        Ok(result)
     }
 
     /// Reports parts without a free path and laps that took longer than asked.
@@ -331,12 +327,12 @@ impl ControlCycle<'_, '_> {
             self.check_stop()?;
             let at_rest = self.perception.observe(self.io, FramePurpose::Cycle)?;
             if at_rest && self.perception.frames_missing() == 0 {
-                return Continue(self.perception.positions_m());
+                return Ok(self.perception.positions_m());
             }
             self.check_lost()?;
             if at_rest && self.is_part_lost() {
                 // the guard is off: the run goes on from the part's last seen position
-                return Continue(self.perception.positions_m());
+                return Ok(self.perception.positions_m());
             }
         }
     }

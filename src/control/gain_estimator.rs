@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::PulsePositions;
 use upm_core::geometry::Vec2;
-use upm_planning::planner::PlannedPulse;
+use upm_planning::planner::{PartState, PlannedPulse};
 
 /// Nodes of the grid along each side.
 const NODES: usize = 4;
@@ -53,7 +53,7 @@ impl ForecastDeviation {
 
 /// Gain of each part at each place, relative to the displacement model.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct GainEstimator {
+pub struct GainEstimator {
     half_side_m: f64,
     parts: usize,
     /// Parameters: parts, then nodes row by row.
@@ -62,7 +62,8 @@ pub(super) struct GainEstimator {
 }
 
 impl GainEstimator {
-    pub(super) fn new(parts: usize, half_side_m: f64) -> Self {
+    /// Nothing is learned yet of `parts` parts on a plate whose side is twice `half_side_m`.
+    pub fn new(parts: usize, half_side_m: f64) -> Self {
         let size = parts + NODES * NODES;
         let variance = |i: usize| if i < parts { PART_SD * PART_SD } else { REGION_SD * REGION_SD };
         let covariance = DMatrix::from_diagonal(&DVector::from_fn(size, |i, _| variance(i)));
@@ -70,7 +71,7 @@ impl GainEstimator {
     }
 
     /// Gain of `part` at `p_m`; 1 before anything is learned.
-    pub(super) fn get(&self, part: usize, p_m: Vec2) -> f64 {
+    pub fn get(&self, part: usize, p_m: Vec2) -> f64 {
         let weighted = |(at, weight): (usize, f64)| self.state.get(at).map_or(0.0, |value| weight * value);
         (1.0 + self.pattern(part, p_m).map(weighted).iter().sum::<f64>()).clamp(RANGE.0, RANGE.1)
     }
@@ -98,6 +99,22 @@ impl GainEstimator {
                 self.correct(self.pattern(part, *before), off, variance);
             }
         }
+    }
+
+    /// Updates the gains from `pulse`: the parts that rested as in `before` came to rest at `after_m`; `forecast` has
+    /// their forecast places, `None` for a pulse that is not forecast.
+    pub fn learn_pulse(
+        &mut self,
+        pulse: &PlannedPulse,
+        before: &[PartState],
+        after_m: &[Vec2],
+        forecast: &dyn Fn(&[PartState]) -> Option<Vec<Vec2>>,
+    ) {
+        let more: Vec<PartState> = before.iter().map(|part| PartState { gain: part.gain + MORE, ..*part }).collect();
+        let (Some(by_learning_m), Some(with_more_m)) = (forecast(before), forecast(&more)) else { return };
+        let before_m = before.iter().map(|part| part.position_m).collect();
+        let seen = PulsePositions { before_m, after_m: after_m.to_vec(), by_library_m: Vec::new(), by_learning_m };
+        self.learn(&seen, &with_more_m, ForecastDeviation::of(pulse));
     }
 
     /// Corrects the parameters by one observation: the sum of `pattern` was measured larger by `off` than estimated.

@@ -9,19 +9,15 @@ const WAY_GAP_M: f64 = 3e-3;
 /// Gap between the rims of parts at their places from which on places are no longer dense, m.
 const ROOMY_M: f64 = 5e-3;
 
-/// The parts that `part` meets on its straight way from its place in `seen_m` to that in `ends_m`.
-fn in_the_way(params: &ControlParams, part: usize, seen_m: &[Vec2], ends_m: &[Vec2]) -> Vec<usize> {
-    let (Some(&from), Some(&to)) = (seen_m.get(part), ends_m.get(part)) else { return Vec::new() };
+/// The parts that `part` meets on its straight way from its place in `seen_m` to that in `ends_m`, as ` past penny-2,
+/// dime-1`; empty where there are none.
+pub(super) fn past(params: &ControlParams, part: usize, seen_m: &[Vec2], ends_m: &[Vec2]) -> String {
+    let (Some(&from), Some(&to)) = (seen_m.get(part), ends_m.get(part)) else { return String::new() };
     let meets = |(other, other_m): (usize, &Vec2)| {
         let least_m = params.radius_m(part) + params.radius_m(other) + WAY_GAP_M;
-        (other != part && Segment { from, to }.distance(*other_m) < least_m).then_some(other)
+        (other != part && Segment { from, to }.distance(*other_m) < least_m).then(|| params.id(other))
     };
-    seen_m.iter().enumerate().filter_map(meets).collect()
-}
-
-/// The parts that `part` cannot pass, as ` past penny-2, dime-1`; empty where there are none.
-pub(super) fn past(params: &ControlParams, part: usize, seen_m: &[Vec2], ends_m: &[Vec2]) -> String {
-    let others: Vec<&str> = in_the_way(params, part, seen_m, ends_m).into_iter().map(|i| params.id(i)).collect();
+    let others: Vec<&str> = seen_m.iter().enumerate().filter_map(meets).collect();
     if others.is_empty() { String::new() } else { format!(" past {}", others.join(", ")) }
 }
 

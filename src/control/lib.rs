@@ -25,6 +25,7 @@ pub use facts::{
     ConfirmedFacts, CycleFacts, EventFacts, EventKind, FrameFacts, LocalisedFacts, PulseFacts, PulsePositions, Sink,
 };
 pub use found::{Found, Reason};
+pub use gain_estimator::GainEstimator;
 pub use guards::Guards;
 pub use params::ControlParams;
 pub use perception::ExpectedPart;

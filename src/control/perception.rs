@@ -6,8 +6,6 @@ mod relocate;
 mod scene;
 mod settling;
 
-use std::ops::ControlFlow::{Break, Continue};
-
 use self::first_observation::find_table;
 use self::missing::MissingParts;
 use self::naming::name_parts;
@@ -15,7 +13,7 @@ use self::scene::{SceneMonitor, longest_s};
 use self::settling::{Displacement, PlateInImage, SwingOut};
 use super::findings::Findings;
 use super::guards::{DelayGuard, Guards, Unusable};
-use super::run_end::{OrEnd, RunEnd, flow};
+use super::run_end::{OrEnd, RunEnd};
 use super::{FrameFacts, LocalisedFacts, RunIo, Sink};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
@@ -97,7 +95,7 @@ impl Perception {
         let expected_m = detections.iter().map(|detection| (detection.position_m, REACH_M)).collect();
         let scene = SceneMonitor::new(&table, model, kinds, &frame, io.rig.now());
         let tracker = Tracker::new(&table, model.frame_size_px, kinds, model.dark_parts, detections);
-        Continue(Self {
+        Ok(Self {
             frame,
             table,
             tracker,
@@ -126,7 +124,7 @@ impl Perception {
     /// The ending of a run whose view stays lost.
     pub fn observe(&mut self, io: &mut RunIo<'_>, purpose: FramePurpose) -> OrEnd<bool> {
         let _span = tracing::trace_span!("observe").entered();
-        flow(io.rig.capture(&mut self.frame))?;
+        io.rig.capture(&mut self.frame)?;
         let motion = self.scene.table_motion(&self.frame);
         let swing_px = self.swing_px(motion);
         self.swing_out.observe(self.frame.exposed_at, motion.swing_px());
@@ -181,7 +179,7 @@ impl Perception {
             self.check_jumps(io.sink)?;
             self.expected_m = self.positions_m().into_iter().map(|place_m| (place_m, REACH_M)).collect();
         }
-        Continue(is_plain)
+        Ok(is_plain)
     }
 
     /// The view and the plate's place in a frame at rest.
@@ -218,7 +216,7 @@ impl Perception {
                 self.scene.forget_plate(&self.table, &self.frame, &self.kinds, self.model.dark_parts);
                 self.foreign = 0;
             }
-            return Continue(());
+            return Ok(());
         };
         // the stamp of a bad frame may lie long before the frames that were good
         let blind_from = self.frame.exposed_at.max(self.observed_at).min(now);
@@ -230,16 +228,16 @@ impl Perception {
             self.findings.note(now, finding, why.clone(), io.sink);
         }
         if for_s > longest_s(finding) {
-            return Break(RunEnd::failed_because(finding, format!("{why} for {for_s:.1} s")));
+            return Err(RunEnd::failed_because(finding, format!("{why} for {for_s:.1} s")));
         }
-        Continue(())
+        Ok(())
     }
 
     fn settle_foreign(&mut self, sink: &mut dyn Sink) -> OrEnd {
-        let Some(at_m) = self.scene.foreign_m.filter(|_| self.foreign >= FOREIGN) else { return Continue(()) };
+        let Some(at_m) = self.scene.foreign_m.filter(|_| self.foreign >= FOREIGN) else { return Ok(()) };
         let at_mm = at_m * 1e3;
         let reason = format!("something that is no part of the job lies at ({:.0}, {:.0}) mm", at_mm.x, at_mm.y);
-        Break(self.end_by(Finding::ForeignPart, reason, sink))
+        Err(self.end_by(Finding::ForeignPart, reason, sink))
     }
 
     /// The end of the run that a finding in the newest frame causes.

@@ -1,7 +1,5 @@
 //! Planning of one cycle.
 
-use std::ops::ControlFlow::{Break, Continue};
-
 use super::found::finding_of_plan;
 use super::gain_estimator::GainEstimator;
 use super::params::ControlParams;
@@ -73,7 +71,7 @@ impl<'a> Planning<'a> {
             tried(&plan, is_part)?;
             match finding_of_plan(&plan.status, |part| self.params.id(part)) {
                 None if is_part && plan.status == PlanStatus::NothingToDo => continue,
-                None => return Continue(plan),
+                None => return Ok(plan),
                 Some((_, why)) => stopped_by = why,
             }
             self.watch.note(&plan.status);
@@ -81,7 +79,7 @@ impl<'a> Planning<'a> {
         let seen_m: Vec<Vec2> = whole.iter().map(|part| part.position_m).collect();
         let blocking_part = self.blocking_part(wanted, &seen_m);
         let reason = format!("no feasible step in cycle {cycle}, {}: {stopped_by}; {blocking_part}", wanted.phase);
-        Break(RunEnd::failed_because(Finding::NoFeasibleStep, reason))
+        Err(RunEnd::failed_because(Finding::NoFeasibleStep, reason))
     }
 
     /// Ends the run where rotations are played, a part is to be moved, and the library cannot move the parts at
@@ -93,14 +91,14 @@ impl<'a> Planning<'a> {
             PlanningMethod::SynthesizedField | PlanningMethod::MovingField => false,
         };
         if !by_rotations || wanted.subgoals_m == seen_m {
-            return Continue(());
+            return Ok(());
         }
         let independence = Independence::of_rotations(self.library, seen_m);
         let (share, Some((part, direction))) = (independence.share(), independence.weakest) else {
-            return Continue(());
+            return Ok(());
         };
         if share >= LEAST_SHARE {
-            return Continue(());
+            return Ok(());
         }
         let direction_deg = libm::atan2(direction.y, direction.x).to_degrees().rem_euclid(180.0);
         let part = self.params.id(part);
@@ -109,12 +107,12 @@ impl<'a> Planning<'a> {
              best joint motion, at least {LEAST_SHARE:.0e} is needed; calibrate again, take another planner or move fewer \
              parts"
         );
-        Break(RunEnd::failed_because(Finding::Uncontrollable, reason))
+        Err(RunEnd::failed_because(Finding::Uncontrollable, reason))
     }
 
     /// The part that is farthest from its place, for people.
     pub fn blocking_part(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> String {
-        self.watch.blocking_part_description(wanted, seen_m, |part| self.params.id(part))
+        self.watch.blocking_part_description(wanted, seen_m, self.params)
     }
 
     /// True if a run that only its time limit ends has nothing to do: every part is at its place.

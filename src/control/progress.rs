@@ -180,7 +180,7 @@ impl ProgressWatch {
             (_, Some(part)) => Some(format!("{} has no way{}", params.id(part), past(params, part, seen_m, ends_m))),
             _ => None,
         };
-        let blocking_part = self.blocking_part_description(wanted, seen_m, |part| params.id(part));
+        let blocking_part = self.blocking_part_description(wanted, seen_m, params);
         let few = format!("less than {:.0} % nearer in {cycles} plans; {blocking_part}", 100.0 * SHARE);
         let dense = part.and_then(|part| dense_places(params, part, ends_m));
         if by_others.is_some() || dense.is_some() {
@@ -197,19 +197,17 @@ impl ProgressWatch {
     }
 
     /// For people: the part that hinders progress, its distance from its place and the direction.
-    pub fn blocking_part_description<'a>(
-        &self,
-        wanted: &Setpoints,
-        seen_m: &[Vec2],
-        id: impl Fn(usize) -> &'a str,
-    ) -> String {
+    pub fn blocking_part_description(&self, wanted: &Setpoints, seen_m: &[Vec2], params: &ControlParams) -> String {
         let Some((part, way_m)) = self.blocking_part(wanted, seen_m) else {
             return "there are no parts".into();
         };
         let direction_deg = libm::atan2(way_m.y, way_m.x).to_degrees();
         let blocked = if wanted.blocked.contains(&part) { ", and blocked by other parts" } else { "" };
         let way_mm = 1e3 * way_m.norm();
-        format!("{} is {way_mm:.2} mm from its place, which is towards {direction_deg:.0} deg{blocked}", id(part))
+        format!(
+            "{} is {way_mm:.2} mm from its place, which is towards {direction_deg:.0} deg{blocked}",
+            params.id(part)
+        )
     }
 
     /// Where the parts go: on paths to their subgoals, else to their targets, m.

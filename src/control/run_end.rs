@@ -1,11 +1,10 @@
-use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
 use upm_core::rig::{RigError, Trip};
 
 /// A value to go on with, or the ending of the run.
-pub(super) type OrEnd<T = ()> = ControlFlow<RunEnd, T>;
+pub(super) type OrEnd<T = ()> = Result<T, RunEnd>;
 
 /// Outcome, cause and reason of the end of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -70,30 +69,14 @@ impl From<RigError> for RunEnd {
     }
 }
 
-/// Unwraps the result of a fallible step; a fault of the rig ends the run.
-pub(super) fn flow<T>(result: Result<T, RigError>) -> OrEnd<T> {
-    match result {
-        Ok(value) => ControlFlow::Continue(value),
-        Err(fault) => ControlFlow::Break(fault.into()),
-    }
-}
-
-/// The value of `flow`, or the ending as an error: for calibration, which is not part of a run.
-pub(super) fn into_result<T>(flow: OrEnd<T>) -> Result<T, RunEnd> {
-    match flow {
-        ControlFlow::Continue(value) => Ok(value),
-        ControlFlow::Break(ending) => Err(ending),
-    }
-}
-
 /// True for a run that was ended from outside.
-pub(super) fn is_stopped<T>(flow: &OrEnd<T>) -> bool {
-    matches!(flow, ControlFlow::Break(ending) if ending.is_external())
+pub(super) fn is_stopped<T>(done: &OrEnd<T>) -> bool {
+    matches!(done, Err(ending) if ending.is_external())
 }
 
 /// Ends the run once `stop` is set.
 pub(super) fn check_stop(stop: &AtomicBool) -> OrEnd {
-    if stop.load(Ordering::Relaxed) { ControlFlow::Break(RunEnd::stopped()) } else { ControlFlow::Continue(()) }
+    if stop.load(Ordering::Relaxed) { Err(RunEnd::stopped()) } else { Ok(()) }
 }
 
 #[cfg(test)]

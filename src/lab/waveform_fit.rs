@@ -7,7 +7,7 @@ use super::shaken::{BarePlate, steady_motion};
 use super::sweep::Progress;
 use super::texts::figure;
 use super::{ExperimentResult, Figure, LabError, LabRig};
-use upm_control::calibration::{Axes, AxisResonance};
+use upm_control::calibration::Axes;
 use upm_core::signal::{Drive, RecordedPulse};
 use upm_core::units::mm_from_m;
 use upm_perception::estimation::{TwistFit, nearest_pump};
@@ -83,7 +83,7 @@ fn add_resonances(lab: &LabRig, plate: &mut BarePlate, outcome: &mut ExperimentR
         return Ok(());
     };
     let truth = &lab.sim.plate;
-    for (axis, (name, AxisResonance { fit, .. })) in AXES.iter().zip(&found).enumerate() {
+    for (axis, (name, fit)) in AXES.iter().zip(&found).enumerate() {
         let figures = [
             figure("axis {}, resonance: natural", fit.natural_radps / TAU).with(Some(truth.resonance_hz[axis])),
             figure("axis {}, resonance: damping", fit.damping_ratio).with(Some(truth.damping_ratio[axis])),

@@ -107,26 +107,12 @@ pub struct RunResult {
 }
 
 /// Runs `job` with `library`, which fits its rig, to its end and writes a new run folder. `pacing` counts missed
-/// deadlines of a run in real time; `watcher` receives all events and does not influence the run. `Err` if the job
-/// cannot be run or a file cannot be written.
-pub fn run(
-    job: &JobSpec,
-    library: Arc<Library>,
-    options: &RunOptions,
-    clock: &dyn Clock,
-    stop: &AtomicBool,
-    pacing: &PacingStats,
-    watcher: &mut dyn Sink,
-) -> Result<RunResult, RunError> {
-    run_own(job, library, (options, OwnParts::default()), clock, stop, pacing, watcher)
-}
-
-/// As [`run`], with what the caller brings in the place of the job's own. The report then says so in a warning, and has
-/// no verdict on a task or a rig of the caller's.
+/// deadlines of a run in real time; `watcher` receives all events and does not influence the run. For what the caller
+/// brings in the place of the job's own, the report has a warning, and no verdict on a task or a rig of the caller's.
 ///
 /// # Errors
-/// As [`run`].
-pub fn run_own(
+/// The job cannot be run, or a file cannot be written.
+pub fn run(
     job: &JobSpec,
     library: Arc<Library>,
     (options, own): (&RunOptions, OwnParts),
@@ -242,14 +228,14 @@ impl Session<'_> {
             frame_hz: setup.model.frame_hz,
             deadlines: job.deadlines,
         });
-        let (stop, give_way) = (controls.stop, controls.give_way);
-        let mut finish = setup.play(library, pace, &mut sinks, *clock, stop, give_way);
-        controls.explain(&mut finish, &mut sinks, setup.now());
+        let stop = (controls.stop, controls.give_way);
+        let mut finish = setup.play(library, None, pace, &mut sinks, *clock, stop);
+        controls.explain(&mut finish, &mut sinks, setup.ended_at);
         let wall_time_s = (clock.elapsed() - started).as_secs_f64();
 
         let warning = finish_recording(recorder, options);
         let mut sinks = Fanout { sinks: vec![&mut journal, &mut stats, watcher], after_frame: None };
-        report_recording_end(&options.recording_options.recording, &mut sinks, setup.now());
+        report_recording_end(&options.recording_options.recording, &mut sinks, setup.ended_at);
         let written = journal.finish().and_then(BackgroundWriter::finish);
         let written = written.map_err(|error| folder.write_error("journal.jsonl", &reason(&error)));
         let written =
@@ -290,19 +276,21 @@ impl Session<'_> {
 }
 
 impl RunSetup {
-    /// Runs the control loop on the rig, at `pace` or at full speed.
+    /// Runs the control loop on the rig, or on `own`, at `pace` or at full speed, until one of the flags is set.
     fn play(
         &mut self,
         library: &Arc<Library>,
+        own: Option<&mut dyn Rig>,
         pace: Option<PaceClock<'_>>,
         sink: &mut dyn Sink,
         clock: &dyn Clock,
-        stop: &AtomicBool,
-        give_way: &AtomicBool,
+        (stop, give_way): (&AtomicBool, &AtomicBool),
     ) -> FinalState {
-        let Self { rig, model, task, params, faults, streams, own_rig, own_planner, .. } = self;
+        let Self { rig, model, task, params, faults, streams, own_rig, own_planner, ended_at, .. } = self;
         let (mut faulty, mut paced);
-        let mut rig: &mut dyn Rig = if let Some(own) = own_rig {
+        let mut rig: &mut dyn Rig = if let Some(own) = own {
+            own
+        } else if let Some(own) = own_rig {
             own.as_mut()
         } else if faults.is_empty() {
             rig
@@ -314,8 +302,10 @@ impl RunSetup {
             paced = RealTimeRig::new(rig, pace);
             rig = &mut paced;
         }
-        let planner = own_planner.take();
-        control::run(RunIo { rig, model, sink, clock, stop, give_way, planner }, library, task.as_mut(), params)
+        let io = RunIo { rig: &mut *rig, model, sink, clock, stop, give_way, planner: own_planner.take() };
+        let finish = control::run(io, library, task.as_mut(), params);
+        *ended_at = rig.now();
+        finish
     }
 }
 

@@ -5,7 +5,6 @@ use nalgebra::{DMatrix, DVector};
 use super::super::facts::Sink;
 use super::super::guards::Guards;
 use super::super::perception::{FramePurpose, Perception};
-use super::super::run_end::into_result;
 use super::steering::SteeringMotion;
 use super::{CalibrationError, CalibrationParams, CalibrationSession};
 use upm_core::geometry::{Twist, Vec2};
@@ -67,8 +66,7 @@ pub(super) fn measure(
     params: &CalibrationParams,
 ) -> Result<(DisplacementModel, CameraNoise), CalibrationError> {
     let guards = Guards { without: Some(Finding::PartsJumped), ..Guards::default() };
-    let opened = Perception::open(&mut session.io(&mut SilentSink), &params.kinds, &params.coins, guards);
-    let perception = into_result(opened)?;
+    let perception = Perception::open(&mut session.io(&mut SilentSink), &params.kinds, &params.coins, guards)?;
     let mut looks = Looks { perception, last_m: Vec::new(), places_m2: (0.0, 0), corners_px2: (0.0, 0) };
     // Lengthens the pulse until a coin moves as far as the model must cover. Sustains are spaced evenly up to there.
     let longest_s = session.model.max_sustain_s;
@@ -171,7 +169,7 @@ fn pulse(
     session.rig.play(&if reversed { drive.reversed() } else { drive })?;
     while session.rig.now() < session.rig.settled_at() {
         session.stop_check()?;
-        into_result(looks.perception.observe(&mut session.io(&mut SilentSink), FramePurpose::Pulse))?;
+        looks.perception.observe(&mut session.io(&mut SilentSink), FramePurpose::Pulse)?;
     }
     let after = observe_at_rest(session, &mut looks.perception)?;
     let sample = |(a, b): (&Vec2, &Vec2)| {
@@ -210,7 +208,7 @@ fn observe_at_rest(
     const LOOKS: usize = 120;
     for _ in 0..LOOKS {
         session.stop_check()?;
-        let is_at_rest = into_result(perception.observe(&mut session.io(&mut SilentSink), FramePurpose::Cycle))?;
+        let is_at_rest = perception.observe(&mut session.io(&mut SilentSink), FramePurpose::Cycle)?;
         if is_at_rest && perception.frames_missing() == 0 {
             return Ok(perception.positions_m());
         }

@@ -29,19 +29,9 @@ const REPEATS: usize = 4;
 const HALVINGS: usize = 3;
 const NAMES: [&str; 3] = ["resonance x", "resonance y", "resonance spin"];
 
-/// Frequency response of one axis and the oscillator fitted to it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct AxisResonance {
-    /// The oscillator; force in counts of the axis amplitude.
-    pub fit: OscillatorFit,
-    /// Acceleration per count (m/s² or rad/s²) as a phasor at each line, with the line's frequency in rad/s. Contains
-    /// the free decay of the attack, which the fit removes.
-    pub lines: Vec<(f64, Complex<f64>)>,
-}
-
-/// Finds the resonances of x, y and spin; the accelerometers' gains must be known. `None` where the rig's longest
-/// sustain holds too few periods to resolve them.
-pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<[AxisResonance; 3]>, CalibrationError> {
+/// Finds the oscillators of x, y and spin, their force in counts of the axis amplitude; the accelerometers' gains must
+/// be known. `None` where the rig's longest sustain holds too few periods to resolve them.
+pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<[OscillatorFit; 3]>, CalibrationError> {
     let mut found = Vec::with_capacity(3);
     for axis in 0..3 {
         match measure_axis(session, axis) {
@@ -53,7 +43,7 @@ pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<[Ax
     Ok(found.try_into().ok())
 }
 
-fn measure_axis(session: &mut CalibrationSession<'_>, axis: usize) -> Result<AxisResonance, CalibrationError> {
+fn measure_axis(session: &mut CalibrationSession<'_>, axis: usize) -> Result<OscillatorFit, CalibrationError> {
     let mut drive = multisine(session, axis);
     for _ in 0..HALVINGS {
         match average(session, axis, &drive) {
@@ -70,7 +60,7 @@ fn average(
     session: &mut CalibrationSession<'_>,
     axis: usize,
     drive: &Drive,
-) -> Result<AxisResonance, CalibrationError> {
+) -> Result<OscillatorFit, CalibrationError> {
     let fault = |fault| CalibrationError::Trace { what: NAMES[axis].to_owned(), fault };
     let mut accel = vec![Complex::default(); LINES];
     for repeat in 0..REPEATS {
@@ -87,10 +77,7 @@ fn average(
     let signs = session.model.motor_arrangement.turned(AROUND[axis].map(f64::from));
     let phasor = |k: usize| signs.iter().zip(&drive.motors).map(|(sign, motor)| motor[k].phasor() * *sign).sum();
     let force: Vec<Complex<f64>> = (0..drive.motors[0].len()).map(phasor).collect();
-    let fit = fit_oscillator(drive.base_radps, &force, &accel).map_err(fault)?;
-    let responses = force.iter().zip(&accel).map(|(force, accel)| accel / force);
-    let lines = (1..).zip(responses).map(|(k, response)| (f64::from(k) * drive.base_radps, response)).collect();
-    Ok(AxisResonance { fit, lines })
+    fit_oscillator(drive.base_radps, &force, &accel).map_err(fault)
 }
 
 /// The multisine, as strong as counts, accelerometers and travel allow. Force grows with frequency, so that every line

@@ -1,7 +1,5 @@
 //! The end of a run: its limits, the confirmation of a reached goal, and lost parts.
 
-use std::ops::ControlFlow::{Break, Continue};
-
 use super::ControlCycle;
 use crate::run_end::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
@@ -16,7 +14,7 @@ impl ControlCycle<'_, '_> {
         let limit_s = self.params.time_limit_s;
         if self.io.rig.now().secs() >= limit_s && self.params.guards.has(Finding::TimeLimit) {
             let reason = format!("plate time limit of {limit_s} s reached");
-            return Break(if !self.params.endless {
+            return Err(if !self.params.endless {
                 RunEnd::failed_because(Finding::TimeLimit, reason)
             } else if self.makes_progress() {
                 self.confirmed(RunEnd::completed(reason))
@@ -24,7 +22,7 @@ impl ControlCycle<'_, '_> {
                 RunEnd::failed_because(Finding::NoProgress, format!("{reason} without progress"))
             });
         }
-        Continue(())
+        Ok(())
     }
 
     pub(super) fn makes_progress(&self) -> bool {
@@ -35,12 +33,12 @@ impl ControlCycle<'_, '_> {
     /// tracking.
     fn confirmed(&mut self, ending: RunEnd) -> RunEnd {
         match self.perception.confirm(self.io) {
-            Continue(true) => ending,
-            Continue(false) => RunEnd::failed_because(
+            Ok(true) => ending,
+            Ok(false) => RunEnd::failed_because(
                 Finding::CameraMoved,
                 format!("{}, and the confirming observations disagreed with what was tracked", ending.reason),
             ),
-            Break(other) => other,
+            Err(other) => other,
         }
     }
 
@@ -53,13 +51,13 @@ impl ControlCycle<'_, '_> {
             // motion of parts while the plate swings out counts, too
             let (at, places_m) = (self.perception.seen_at(), self.perception.positions_m());
             if self.task.next(at, &places_m).done {
-                return if self.task.go_on(&places_m) { Continue(places_m) } else { Break(RunEnd::completed(reason)) };
+                return if self.task.go_on(&places_m) { Ok(places_m) } else { Err(RunEnd::completed(reason)) };
             }
         }
         self.unconfirmed += 1;
         if self.unconfirmed > MOST_UNCONFIRMED {
             let reason = format!("the goal was reached {MOST_UNCONFIRMED} times, but later observations disagreed");
-            return Break(RunEnd::failed_because(Finding::CameraMoved, reason));
+            return Err(RunEnd::failed_because(Finding::CameraMoved, reason));
         }
         self.observe_at_rest()
     }
@@ -70,7 +68,7 @@ impl ControlCycle<'_, '_> {
 
     pub(super) fn check_lost(&self) -> OrEnd {
         if !self.is_part_lost() || !self.params.guards.has(Finding::PartLost) {
-            return Continue(());
+            return Ok(());
         }
         let places = self.perception.positions_m();
         let each = self.perception.missing_parts().into_iter().map(|part| {
@@ -78,6 +76,6 @@ impl ControlCycle<'_, '_> {
             let place = places.get(part).copied().unwrap_or_default() * 1e3;
             format!("{id} is lost, last seen at ({:.1}, {:.1}) mm", place.x, place.y)
         });
-        Break(RunEnd::failed_because(Finding::PartLost, each.collect::<Vec<_>>().join("; ")))
+        Err(RunEnd::failed_because(Finding::PartLost, each.collect::<Vec<_>>().join("; ")))
     }
 }

@@ -1,6 +1,5 @@
 //! Motions without pauses: from rest, segment after segment, until the parts rest again.
 
-use std::ops::ControlFlow::{Break, Continue};
 use std::sync::atomic::Ordering;
 
 use super::ControlCycle;
@@ -10,7 +9,7 @@ use crate::guards::PlateSwing;
 use crate::perception::FramePurpose;
 use crate::progress::{ProgressWatch, farthest_m};
 use crate::pulse_planner::PulsePlanner;
-use crate::run_end::{OrEnd, RunEnd, flow, is_stopped};
+use crate::run_end::{OrEnd, RunEnd, is_stopped};
 use crate::{CycleFacts, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
@@ -80,17 +79,17 @@ impl ControlCycle<'_, '_> {
 
     fn move_until_rest(&mut self, wanted: Setpoints) -> OrEnd<Vec<Vec2>> {
         let Some(coils) = self.library.segment_coils() else {
-            return Break(RunEnd::failed("the library has no response to segments"));
+            return Err(RunEnd::failed("the library has no response to segments"));
         };
         let mut present = self.plan_segment(wanted)?;
         let (mut started_at, mut fading, mut segments) = (self.io.rig.now(), None, 0);
         self.perception.expect_pulse(started_at, None, Some(self.swing_after(&present, None)));
-        flow(self.io.rig.play(&present.drive))?;
+        self.io.rig.play(&present.drive)?;
         loop {
             let _span = tracing::trace_span!("cycle", index = self.index).entered();
             self.moving().into_iter().for_each(MovingPlanner::begin);
             let started = self.io.clock.elapsed();
-            let (observed_at, before_m) = (self.perception.seen_at(), self.places_m());
+            let (observed_at, before_m) = (self.perception.seen_at(), self.of_moving(|planner| planner.places_m()));
             let sets_down = present.segment.sets_down;
             let next = if sets_down { None } else { self.plan_next(started_at, segments)? };
             let (next, ends_at) = self.take_over(next, started_at)?;
@@ -100,12 +99,13 @@ impl ControlCycle<'_, '_> {
             }
             let forecast_m = match &next {
                 _ if sets_down => present.segment.ends_m.clone(),
-                Some(_) => self.next_places_m(),
-                None => self.fades_out().0,
+                Some(_) => self.of_moving(|planner| planner.next_places_m()),
+                None => self.of_moving(|planner| planner.fades_out()).0,
             };
             let followed = self.follow_segment(started_at, next.as_ref().map(|_| ends_at), &forecast_m);
             let is_over = next.is_none() || self.perception.motors_stopped;
-            let after_m = if is_over { self.perception.positions_m() } else { self.places_m() };
+            let after_m =
+                if is_over { self.perception.positions_m() } else { self.of_moving(|planner| planner.places_m()) };
             let steps =
                 PulsePositions { before_m, after_m, by_library_m: forecast_m.clone(), by_learning_m: forecast_m };
             let trace = self.trace_until(ends_at, next.as_ref());
@@ -131,7 +131,7 @@ impl ControlCycle<'_, '_> {
         let is_seen = !self.perception.invalidates_plan() && self.perception.frames_missing() == 0;
         let places_m = if is_seen { self.perception.positions_m() } else { self.observe_at_rest()? };
         self.suspects_knock &= !self.perception.relocated;
-        Continue(places_m)
+        Ok(places_m)
     }
 
     /// Lets `next` take over from the segment that began at `started_at`; returns it and the time when it begins. Where
@@ -143,11 +143,11 @@ impl ControlCycle<'_, '_> {
     ) -> OrEnd<(Option<PlannedSegment>, PlateTime)> {
         let taken = next.map(|next| (self.io.rig.take_over(&next.drive), next));
         let Some((begins_at, next)) = taken.filter(|(begins_at, _)| *begins_at != Err(RigError::TooLate)) else {
-            return Continue((None, self.io.rig.settled_at()));
+            return Ok((None, self.io.rig.settled_at()));
         };
-        let begins_at = flow(begins_at)?;
+        let begins_at = begins_at?;
         self.moving().into_iter().for_each(|planner| planner.plays_for(begins_at.secs_since(started_at)));
-        Continue((Some(next), begins_at))
+        Ok((Some(next), begins_at))
     }
 
     /// The trace of the segment from which `next` took over at `ends_at`. It has no samples where so many frames were
@@ -217,19 +217,19 @@ impl ControlCycle<'_, '_> {
     fn plan_next(&mut self, started_at: PlateTime, segments: u64) -> OrEnd<Option<PlannedSegment>> {
         self.check_limits()?;
         let wants_rest = self.io.give_way.load(Ordering::Relaxed) || self.planning.watch.stalls();
-        let gives_way = wants_rest && self.fades_out().1;
+        let gives_way = wants_rest && self.of_moving(|planner| planner.fades_out()).1;
         if gives_way || self.perception.frames_missing() > UNSEEN_FRAMES {
-            return Continue(None);
+            return Ok(None);
         }
-        let Some(planner) = self.moving() else { return Continue(None) };
+        let Some(planner) = self.moving() else { return Ok(None) };
         let (at, places_m) = (started_at + planner.period_s(), planner.next_places_m());
         let mut wanted = self.task.next(at, &places_m);
         self.io.sink.setpoints(at, &wanted);
         if wanted.asks_nothing(&places_m) {
-            if let (ends_m, true) = self.fades_out()
+            if let (ends_m, true) = self.of_moving(|planner| planner.fades_out())
                 && self.task.next(at, &ends_m).asks_nothing(&ends_m)
             {
-                return Continue(None);
+                return Ok(None);
             }
             wanted.targets_m.clone_from(&wanted.subgoals_m);
         }
@@ -242,9 +242,9 @@ impl ControlCycle<'_, '_> {
             && self.planning.watch.observe(&wanted, &places_m, true)
             && self.params.guards.has(Finding::NoProgress)
         {
-            return Break(self.planning.watch.ending(&wanted, &places_m, self.params));
+            return Err(self.planning.watch.ending(&wanted, &places_m, self.params));
         }
-        self.plan_segment(wanted).map_continue(Some)
+        self.plan_segment(wanted).map(Some)
     }
 
     fn warn_of_corridors(&mut self, wanted: &Setpoints) {
@@ -261,23 +261,15 @@ impl ControlCycle<'_, '_> {
         let _span = tracing::trace_span!("plan").entered();
         self.check_stop()?;
         let planning = self.io.clock.elapsed();
-        let Some(planner) = self.moving() else { return Break(RunEnd::failed("no planner of moving parts")) };
+        let Some(planner) = self.moving() else { return Err(RunEnd::failed("no planner of moving parts")) };
         let segment = planner.plan(&headings(planner, &wanted));
         let plan_us = (self.io.clock.elapsed() - planning).as_secs_f64() * 1e6;
-        let drive = flow(drive_of(self.library, &PlannedPulse::Field(segment.pulse.clone())))?;
-        Continue(PlannedSegment { segment, drive, wanted, plan_us })
+        let drive = drive_of(self.library, &PlannedPulse::Field(segment.pulse.clone()))?;
+        Ok(PlannedSegment { segment, drive, wanted, plan_us })
     }
 
-    fn places_m(&mut self) -> Vec<Vec2> {
-        self.moving().map(|planner| planner.places_m()).unwrap_or_default()
-    }
-
-    fn fades_out(&mut self) -> (Vec<Vec2>, bool) {
-        self.moving().map(|planner| planner.fades_out()).unwrap_or_default()
-    }
-
-    fn next_places_m(&mut self) -> Vec<Vec2> {
-        self.moving().map(|planner| planner.next_places_m()).unwrap_or_default()
+    fn of_moving<T: Default>(&mut self, of: impl FnOnce(&mut MovingPlanner) -> T) -> T {
+        self.moving().map(of).unwrap_or_default()
     }
 
     /// Follows the parts in a segment that began at `started_at` until the next one begins, or, for the last one, until
@@ -303,7 +295,7 @@ impl ControlCycle<'_, '_> {
                 self.perception.stop_motors(self.io.rig);
             }
         }
-        Continue(())
+        Ok(())
     }
 
     /// True where the plate's place shows, for the first time, that camera or plate may have been knocked. A look at

@@ -1,13 +1,11 @@
 //! Playing of one pulse: the signal to the motors, tracking by the camera, reading of the accelerometers, learning.
 
-use std::ops::ControlFlow::{Break, Continue};
-
 use super::ControlCycle;
 use crate::found::Found;
 use crate::gain_estimator::{ForecastDeviation, MORE};
 use crate::guards::{MotionFinding, NEVER, PlateSwing, PulseOutcome, Sight, went};
 use crate::perception::FramePurpose;
-use crate::run_end::{OrEnd, flow, is_stopped};
+use crate::run_end::{OrEnd, is_stopped};
 use crate::{EventFacts, EventLevel, PulseFacts, PulsePositions};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Finding, StopCause};
@@ -24,7 +22,7 @@ impl ControlCycle<'_, '_> {
     /// frame.
     pub(super) fn play(&mut self, planned: &PlannedPulse, purpose: FramePurpose) -> OrEnd {
         let _span = tracing::trace_span!("play").entered();
-        let drive = flow(drive_of(self.library, planned))?;
+        let drive = drive_of(self.library, planned)?;
         let started_at = self.io.rig.now();
         let (all_seen, before_m) = (self.perception.frames_missing() == 0, self.perception.positions_m());
         let ahead = self.forecasts(&before_m, planned);
@@ -32,14 +30,14 @@ impl ControlCycle<'_, '_> {
         let coils = planned.coils(self.library);
         let swing = coils.as_ref().map(|coils| self.swing(&self.expected(&drive, coils)));
         self.perception.expect_pulse(started_at, forecast_m, swing);
-        flow(self.io.rig.play(&drive))?;
+        self.io.rig.play(&drive)?;
         let followed = self.follow(purpose);
         let trace = self.io.rig.trace();
         let sensors = self.sensors();
         let fit = read(planned, &drive, &trace, &sensors);
         let after_m = self.perception.positions_m();
         let all_seen = all_seen && self.perception.frames_missing() == 0;
-        let forecasts = ahead.filter(|_| followed.is_continue() && all_seen && !self.perception.motors_stopped);
+        let forecasts = ahead.filter(|_| followed.is_ok() && all_seen && !self.perception.motors_stopped);
         let (positions, with_more_m) = forecasts
             .map(|[by_library_m, by_learning_m, with_more_m]| {
                 (PulsePositions { before_m, after_m, by_library_m, by_learning_m }, with_more_m)
@@ -52,18 +50,18 @@ impl ControlCycle<'_, '_> {
             self.io.sink.pulse(&facts);
         }
         let PulseFacts { planned, drive, fit, positions, .. } = &facts;
-        if let Break(ending) = followed {
+        if let Err(ending) = followed {
             // a plate that did not move as planned explains parts at unexpected places
             let is_doubt = ending.cause == Some(StopCause::Found(Finding::PartsJumped));
             let judged = self.judged(drive, coils.as_ref(), fit).filter(|_| is_doubt);
-            return Break(self.check_motion(judged, None).break_value().unwrap_or(ending));
+            return Err(self.check_motion(judged, None).err().unwrap_or(ending));
         }
         if let Some((seen, with_more_m)) = positions.as_ref().zip(with_more_m.as_ref()) {
             self.planning.gains.learn(seen, with_more_m, ForecastDeviation::of(planned));
             self.warn_of_slow_parts();
         }
         if self.perception.motors_stopped {
-            return Continue(());
+            return Ok(());
         }
         self.doubt(&facts, coils.as_ref())
     }
@@ -73,7 +71,7 @@ impl ControlCycle<'_, '_> {
         loop {
             let at_rest = self.perception.observe(self.io, purpose)?;
             if at_rest {
-                return Continue(());
+                return Ok(());
             }
             self.check_stop()?;
             self.check_lost()?;
@@ -97,10 +95,10 @@ impl ControlCycle<'_, '_> {
 
     /// Ends a run whose part stays although it is carried.
     pub(super) fn report_step(&mut self, stuck: Option<usize>) -> OrEnd {
-        let Some(part) = stuck.filter(|_| self.params.guards.has(Finding::PartStuck)) else { return Continue(()) };
+        let Some(part) = stuck.filter(|_| self.params.guards.has(Finding::PartStuck)) else { return Ok(()) };
         let (id, pulses) = (self.params.id(part), self.limits.steps_limit);
         let reason = format!("{id} hardly moves although {pulses} pulses in a row should carry it");
-        Break(self.end_by(Found::about(Finding::PartStuck, part), reason))
+        Err(self.end_by(Found::about(Finding::PartStuck, part), reason))
     }
 
     fn judged(
@@ -135,10 +133,10 @@ impl ControlCycle<'_, '_> {
 
     /// Reports a finding on a pulse's motion and ends the run if it must; true where the plate moved about as planned.
     pub(super) fn report(&mut self, found: Option<MotionFinding>) -> OrEnd<bool> {
-        let Some(MotionFinding { found, reason, ends }) = found else { return Continue(true) };
+        let Some(MotionFinding { found, reason, ends }) = found else { return Ok(true) };
         if self.params.guards.has(found.finding) {
             if ends {
-                return Break(self.end_by(found, reason));
+                return Err(self.end_by(found, reason));
             }
             self.warn(found, reason);
             // parts in motion are followed frame by frame, whatever the coils give
@@ -148,19 +146,19 @@ impl ControlCycle<'_, '_> {
             }
             self.is_cautious = true;
         }
-        Continue(!ends)
+        Ok(!ends)
     }
 
     /// Ends a run whose pictures are late. To be called after a pulse; one in which the plate moved off its plan is no
     /// evidence.
     pub(super) fn check_picture_delay(&mut self, is_as_planned: bool) -> OrEnd {
         let late = if is_as_planned { self.perception.delay.end() } else { None };
-        let Some(late) = late.filter(|_| self.params.guards.has(Finding::CameraLate)) else { return Continue(()) };
+        let Some(late) = late.filter(|_| self.params.guards.has(Finding::CameraLate)) else { return Ok(()) };
         let reason = match late {
             NEVER => "the pictures do not show the plate move as it is driven".to_owned(),
             frames => format!("the plate moves {frames} frames later in the pictures than it is driven"),
         };
-        Break(self.end_by(Finding::CameraLate, reason))
+        Err(self.end_by(Finding::CameraLate, reason))
     }
 
     pub(super) fn sensors(&self) -> AccelerometerPair {

@@ -1,13 +1,11 @@
 //! The probe: a small pulse that moves no part and tests every coil and accelerometer. It is the first pulse of a run
 //! and is played again after the table was located anew.
 
-use std::ops::ControlFlow::{Break, Continue};
-
 use super::ControlCycle;
 use crate::PulseFacts;
 use crate::guards::MotionFinding;
 use crate::perception::FramePurpose;
-use crate::run_end::{OrEnd, flow, is_stopped};
+use crate::run_end::{OrEnd, is_stopped};
 use upm_core::job::Finding;
 use upm_core::signal::Follows;
 use upm_perception::estimation::{ExpectedMotion, FitError, PlateFit, fit_wave, judge};
@@ -19,7 +17,7 @@ const MOST_PROBES: usize = 3;
 impl ControlCycle<'_, '_> {
     /// Plays the probe, if the library has one, until one is tracked to its end, and judges it.
     pub(super) fn probe(&mut self) -> OrEnd {
-        let Some((mut drive, coils)) = self.library.probe() else { return Continue(()) };
+        let Some((mut drive, coils)) = self.library.probe() else { return Ok(()) };
         drive.envelope.sustain_s = drive.envelope.sustain_s.min(self.io.model.max_sustain_s);
         let expected = self.expected(&drive, &coils);
         for _ in 0..MOST_PROBES {
@@ -34,7 +32,7 @@ impl ControlCycle<'_, '_> {
             }
             self.observe_at_rest()?;
         }
-        Continue(())
+        Ok(())
     }
 
     fn play_probe(&mut self, expected: &ExpectedMotion<'_>) -> OrEnd<Result<PlateFit, FitError>> {
@@ -43,7 +41,7 @@ impl ControlCycle<'_, '_> {
         let planned = PlannedPulse::Field(FieldPulse { wave, follows, sustain_s });
         let (started_at, before_m) = (self.io.rig.now(), self.perception.positions_m());
         self.perception.expect_pulse(started_at, Some(&before_m), Some(self.swing(expected)));
-        flow(self.io.rig.play(drive))?;
+        self.io.rig.play(drive)?;
         let followed = self.follow(FramePurpose::Pulse);
         let trace = self.io.rig.trace();
         let fit = fit_wave(&trace, &drive.envelope, drive.base_radps, 1, &self.sensors()).map(PlateFit::Wave);
@@ -60,7 +58,7 @@ impl ControlCycle<'_, '_> {
                 positions: None,
             });
         }
-        followed.map_continue(|()| fit)
+        followed.map(|()| fit)
     }
 
     fn read_probe(&mut self, expected: &ExpectedMotion<'_>, fit: &Result<PlateFit, FitError>) -> Option<MotionFinding> {
@@ -79,8 +77,8 @@ impl ControlCycle<'_, '_> {
     pub(super) fn check_frozen(&mut self, is_as_planned: bool) -> OrEnd {
         if is_as_planned && !self.perception.has_changed() && self.params.guards.has(Finding::CameraFrozen) {
             let reason = "no picture differs from the first, and the plate was shaken".to_owned();
-            return Break(self.end_by(Finding::CameraFrozen, reason));
+            return Err(self.end_by(Finding::CameraFrozen, reason));
         }
-        Continue(())
+        Ok(())
     }
 }

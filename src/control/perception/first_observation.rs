@@ -1,13 +1,12 @@
 //! The first observation: locates the table without prior knowledge, waiting while a hand or darkness may hide it.
 
-use std::ops::ControlFlow::{Break, Continue};
 use std::time::Duration;
 
 use super::scene::HAND_S;
 use crate::RunIo;
 use crate::findings::Findings;
 use crate::guards::Guards;
-use crate::run_end::{OrEnd, RunEnd, check_stop, flow};
+use crate::run_end::{OrEnd, RunEnd, check_stop};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
 use upm_core::signal::Frame;
@@ -26,12 +25,12 @@ pub(super) fn find_table(io: &mut RunIo<'_>, frame: &mut Frame, guards: &Guards)
     let gives_up = guards.has(Finding::TableMissing);
     while why.is_empty() || !gives_up || io.rig.now().secs_since(since) < HAND_S {
         check_stop(io.stop)?;
-        flow(io.rig.capture(frame))?;
+        io.rig.capture(frame)?;
         let started = io.clock.elapsed();
         match locate_table(frame, &io.model.lens, io.model.plate_side_m) {
             Ok(table) if !is_overexposed(frame, &table) => {
                 conditions.end_run(frame.exposed_at, io.sink);
-                return Continue((table, started));
+                return Ok((table, started));
             }
             Ok(_) => why = "the plate or the ground is overexposed".to_owned(),
             Err(fault) => why = fault.to_string(),
@@ -40,7 +39,7 @@ pub(super) fn find_table(io: &mut RunIo<'_>, frame: &mut Frame, guards: &Guards)
         conditions.note(frame.exposed_at, Finding::TableMissing, reason, io.sink);
         conditions.end_cycle(frame.exposed_at, io.sink);
     }
-    Break(RunEnd::failed_because(Finding::TableMissing, format!("no table found in {HAND_S:.0} s: {why}")))
+    Err(RunEnd::failed_because(Finding::TableMissing, format!("no table found in {HAND_S:.0} s: {why}")))
 }
 
 /// True when most of the plate, or of the ground beside it, is saturated: the plate's sides then appear up to half a

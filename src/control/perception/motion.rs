@@ -1,7 +1,5 @@
 //! Expected effect of a pulse in the camera's frames: the parts' displacement and the plate's swing.
 
-use std::ops::ControlFlow::{Break, Continue};
-
 use nalgebra::Vector3;
 
 use super::{Perception, REACH_M};
@@ -87,9 +85,9 @@ impl Perception {
         let far = beyond(0.0);
         let are_many = far >= 2 && 2 * far > places_m.len();
         if !(are_many || beyond(LEAP_M) > 0) || !self.guards.has(Finding::PartsJumped) {
-            return Continue(());
+            return Ok(());
         }
         let reason = format!("{far} of {} parts lie where the last pulse cannot have carried them", places_m.len());
-        Break(self.end_by(Finding::PartsJumped, reason, sink))
+        Err(self.end_by(Finding::PartsJumped, reason, sink))
     }
 }

@@ -1,7 +1,5 @@
 //! Assignment of detections to the parts of the job.
 
-use std::ops::ControlFlow::{Break, Continue};
-
 use crate::run_end::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
@@ -45,10 +43,8 @@ pub(super) fn name_parts(
         let choice = same_kind.min_by(|(_, a), (_, b)| away(a).total_cmp(&away(b))).map(|(at, _)| at);
         named[i] = choice.map(|at| found.remove(at));
     }
-    match named.into_iter().collect() {
-        Some(all) => Continue(all),
-        None => Break(RunEnd::failed_because(Finding::PartCount, "a part of the job was not found")),
-    }
+    let missing = || RunEnd::failed_because(Finding::PartCount, "a part of the job was not found");
+    named.into_iter().collect::<Option<_>>().ok_or_else(missing)
 }
 
 fn count_parts(found: &[Detection], kinds: &[PartKind], parts: &[ExpectedPart]) -> OrEnd {
@@ -57,10 +53,10 @@ fn count_parts(found: &[Detection], kinds: &[PartKind], parts: &[ExpectedPart]) 
         let expected = parts.iter().filter(|part| part.kind == kind).count();
         if seen != expected {
             let reason = format!("the camera sees {seen} of kind {:?}, the job has {expected}", spec.name);
-            return Break(RunEnd::failed_because(Finding::PartCount, reason));
+            return Err(RunEnd::failed_because(Finding::PartCount, reason));
         }
     }
-    Continue(())
+    Ok(())
 }
 
 /// Gives each part the detection of its kind that is nearest to its former place, each detection to one part; `None`
@@ -109,16 +105,15 @@ mod tests {
     fn known_places_are_served_before_the_rest() {
         let found = vec![detection(0, 0.02, 0.0), detection(1, 0.0, 0.0), detection(0, -0.02, 0.0)];
         let parts = [part(0, None), part(0, Some(Vec2::new(-0.019, 0.0))), part(1, None)];
-        let named = name_parts(found, &kinds(), &parts, true).continue_value().unwrap();
+        let named = name_parts(found, &kinds(), &parts, true).unwrap();
         let x: Vec<f64> = named.iter().map(|d| d.position_m.x).collect();
         assert_eq!(x, [0.02, -0.02, 0.0]);
     }
 
     #[test]
     fn wrong_part_count_ends_the_run_with_a_reason() {
-        let ending = name_parts(vec![detection(0, 0.0, 0.0)], &kinds(), &[part(0, None), part(0, None)], true)
-            .break_value()
-            .unwrap();
+        let ending =
+            name_parts(vec![detection(0, 0.0, 0.0)], &kinds(), &[part(0, None), part(0, None)], true).err().unwrap();
         let says = "the camera sees 1 of kind \"penny\", the job has 2; put the parts of the job on the plate";
         assert!(ending.reason.starts_with(says), "{}", ending.reason);
     }

@@ -1,7 +1,5 @@
 //! Repeated localisation of table and parts: after a knock, and before a task counts as completed.
 
-use std::ops::ControlFlow::{Break, Continue};
-
 use super::naming::match_parts;
 use super::settling::{Displacement, PlateInImage, SWING_S};
 use super::{FramePurpose, Perception, TABLE_OBSERVATIONS};
@@ -86,27 +84,27 @@ impl Perception {
             PlateInImage::SwungOut => return self.locate_swung_out(io),
             PlateInImage::Same | PlateInImage::Swinging | PlateInImage::Unknown => {
                 self.displaced = Displacement::default();
-                return Continue(());
+                return Ok(());
             }
         };
         if self.delay.looks_late() && self.guards.has(Finding::CameraLate) {
             // late pictures show a plate at rest as still swinging
-            return Continue(());
+            return Ok(());
         }
         self.displaced.observe(corner_px);
         if self.displaced.observations < MOVED {
-            return Continue(());
+            return Ok(());
         }
         let by = self.note_knock(corner_px, io.sink);
         match self.locate(io.clock) {
             Ok(found) => self.relocate(found, true, io.sink),
             Err(fault) if self.displaced.observations > MOVED + TABLE_OBSERVATIONS as u32 => {
-                Break(RunEnd::failed_because(
+                Err(RunEnd::failed_because(
                     Finding::CameraMoved,
                     format!("the plate has moved in the picture {by}: {fault}"),
                 ))
             }
-            Err(_) => Continue(()),
+            Err(_) => Ok(()),
         }
     }
 
@@ -115,7 +113,7 @@ impl Perception {
         self.displaced.observations = 0;
         match self.locate(io.clock) {
             Ok(found) => self.relocate(found, false, io.sink),
-            Err(_) => Continue(()),
+            Err(_) => Ok(()),
         }
     }
 
@@ -131,7 +129,7 @@ impl Perception {
             let expected = before.len();
             let reason =
                 format!("the plate has moved in the picture, and {count} parts are seen instead of {expected}");
-            return Break(RunEnd::failed_because(Finding::CameraMoved, reason));
+            return Err(RunEnd::failed_because(Finding::CameraMoved, reason));
         };
         let ways = detections.iter().zip(&self.expected_m);
         let off_m =
@@ -143,7 +141,7 @@ impl Perception {
                  have moved",
                 too_far_m * 1e3
             );
-            return Break(RunEnd::failed_because(Finding::PartsJumped, reason));
+            return Err(RunEnd::failed_because(Finding::PartsJumped, reason));
         }
         let frame = &self.frame;
         sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, localise_us });
@@ -154,7 +152,7 @@ impl Perception {
         self.displaced = Displacement::default();
         self.relocated |= swings;
         self.delay.forget_seen();
-        Continue(())
+        Ok(())
     }
 
     /// Takes two more observations with table and parts located without prior knowledge; true when both agree with the
@@ -164,7 +162,7 @@ impl Perception {
     /// As [`Perception::observe`].
     pub fn confirm(&mut self, io: &mut RunIo<'_>) -> OrEnd<bool> {
         if !self.let_swing_out(io)? {
-            return Continue(false);
+            return Ok(false);
         }
         for _ in 0..CONFIRMING_LOOKS {
             let located = self.locate_at_rest(io)?;
@@ -180,10 +178,10 @@ impl Perception {
                 let reason = format!("table and parts located anew differ, the corners by {off_px:.1} px");
                 self.findings.note(self.frame.exposed_at, Finding::CameraMoved, reason, io.sink);
                 self.relocate(located, true, io.sink)?;
-                return Continue(false);
+                return Ok(false);
             }
         }
-        Continue(true)
+        Ok(true)
     }
 
     /// Waits until plate and parts are still in the picture, for at most the time a plate that was not knocked takes;
@@ -201,7 +199,7 @@ impl Perception {
             let is_still = !glide && self.corner_px().is_some_and(|px| px < STILL_PX);
             still = if is_still { still + 1 } else { 0 };
         }
-        Continue(!glide)
+        Ok(!glide)
     }
 
     fn locate_at_rest(&mut self, io: &mut RunIo<'_>) -> OrEnd<Relocated> {
@@ -211,12 +209,12 @@ impl Perception {
                 check_stop(io.stop)?;
             }
             match self.locate(io.clock) {
-                Ok(located) => return Continue(located),
+                Ok(located) => return Ok(located),
                 Err(fault) => last = Some(fault),
             }
         }
         let why = last.map_or_else(String::new, |fault| format!(": {fault}"));
         let reason = format!("no table found in {TABLE_OBSERVATIONS} frames{why}");
-        Break(self.end_by(Finding::TableMissing, reason, io.sink))
+        Err(self.end_by(Finding::TableMissing, reason, io.sink))
     }
 }

@@ -137,7 +137,7 @@ fn part_that_is_held_up_is_named_with_way_and_limit() {
     let parts = ["less than 1 % nearer in 20 plans", "b is 3.00 mm", "towards 90 deg", "b would cross the edge margin"];
     assert!(parts.iter().all(|part| ending.reason.contains(part)), "{}", ending.reason);
     let blocked = Setpoints { blocked: vec![0], ..wanted.clone() };
-    let said = watch.blocking_part_description(&blocked, &seen_m, |part| ["a", "b"][part]);
+    let said = watch.blocking_part_description(&blocked, &seen_m, &params);
     assert_eq!(said, "a is 1.00 mm from its place, which is towards 180 deg, and blocked by other parts");
     watch.note(&PlanStatus::Infeasible(Limit::Separation { parts: [0, 1] }));
     let ending = watch.ending(&wanted, &seen_m, &params);

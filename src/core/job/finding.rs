@@ -11,7 +11,8 @@ macro_rules! findings {
 
         impl Finding {
             /// The meaning, for people.
-            pub fn meaning(self) -> &'static str {
+            #[cfg(test)]
+            fn meaning(self) -> &'static str {
                 match self { $(Self::$finding => concat!($($meaning),+).trim_ascii(),)+ }
             }
 
@@ -129,37 +130,31 @@ pub enum Effect {
     Pauses,
 }
 
-impl Effect {
-    /// The effect, for people.
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::GoesOn => "goes on",
-            Self::Slows => "goes on in shorter steps",
-            Self::SlowsOrPauses => "small: goes on in shorter steps; else ends",
-            Self::Waits => "motors silent, waits, ends",
-            Self::Locates => "locates table and parts anew, or ends",
-            Self::Ends => "ends; the plate goes on",
-            Self::Pauses => "ends",
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    impl Effect {
+        fn text(self) -> &'static str {
+            match self {
+                Self::GoesOn => "goes on",
+                Self::Slows => "goes on in shorter steps",
+                Self::SlowsOrPauses => "small: goes on in shorter steps; else ends",
+                Self::Waits => "motors silent, waits, ends",
+                Self::Locates => "locates table and parts anew, or ends",
+                Self::Ends => "ends; the plate goes on",
+                Self::Pauses => "ends",
+            }
+        }
+    }
+
     /// The table in the documents. `UPM_REMAKE_GOLDEN=1` writes it anew.
     #[test]
     fn documents_have_the_table() {
-        let row = |finding: Finding| {
-            format!(
-                "| `{}` | {} | {} |\n",
-                finding.code(),
-                finding.meaning().trim_end_matches('.'),
-                finding.effect().text()
-            )
-        };
-        let rows: String = Finding::ALL.into_iter().map(row).collect();
+        let cells = |of: Finding| (of.code(), of.meaning().trim_end_matches('.'), of.effect().text());
+        let rows = Finding::ALL.into_iter().map(cells);
+        let rows: String =
+            rows.map(|(code, meaning, effect)| format!("| `{code}` | {meaning} | {effect} |\n")).collect();
         let table = format!("| code | finds | the run |\n|---|---|---|\n{rows}");
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/faults.md");
         let page = std::fs::read_to_string(file).unwrap();

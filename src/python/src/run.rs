@@ -24,7 +24,7 @@ pub fn run(py: Python<'_>, job: &Job, out: PathBuf, started_utc: String, own: Ow
         let options = RunOptions { out, started_utc, rerun: RerunMode::Off, real_time: false, recording_options };
         let own = own.parts(&library, stop, &raised);
         let (pacing, mut watcher) = (PacingStats::default(), Fanout::default());
-        runs::run_own(job, library, (&options, own), &clock, stop, &pacing, &mut watcher)
+        runs::run(job, library, (&options, own), &clock, stop, &pacing, &mut watcher)
     })?;
     if let Some(error) = raised.lock().ok().and_then(|mut raised| raised.take()) {
         return Err(error);

@@ -1,3 +1,5 @@
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -11,7 +13,9 @@ use super::folder::{CampaignFolder, KEPT, ShardFile, failed};
 use super::judge::Judge;
 use super::line::RunLine;
 use crate::config::{JobSpec, LibraryRef};
-use crate::run::{InMemoryRun, PacingStats, RunError, RunFolder, RunOptions, job_library, library_faults, run};
+use crate::run::{
+    InMemoryRun, OwnParts, PacingStats, RunError, RunFolder, RunOptions, job_library, library_faults, run,
+};
 use upm_core::background::on_threads;
 use upm_core::coded_enum;
 use upm_core::document::Diagnostic;
@@ -222,7 +226,7 @@ impl CampaignRunner<'_> {
         };
         RunFolder::remove(&options.out, job, &options.started_utc);
         let (library, mut nobody) = (Arc::clone(library), Fanout::default());
-        let made = run(job, library, &options, &clock, self.stop, &pacing, &mut nobody)?;
+        let made = run(job, library, (&options, OwnParts::default()), &clock, self.stop, &pacing, &mut nobody)?;
         Ok((made.report, made.folder))
     }
 }
@@ -250,20 +254,14 @@ fn size_of(folder: &Path) -> u64 {
 /// A library with its hash, or the faults of its file.
 type Loaded = Result<(Arc<Library>, String), Vec<Diagnostic>>;
 
-/// A library that was read once, for all jobs.
-struct LoadedLibrary {
-    path: PathBuf,
-    model: RigModel,
-    fingerprint: String,
-    library: Arc<Library>,
-    hash: String,
-}
+/// A library with its hash, and model and fingerprint of the last rig that it was found to fit.
+type KnownLibrary = (Arc<Library>, String, (RigModel, String));
 
 /// State that threads share.
 struct State {
     kept_bytes: AtomicU64,
-    /// Libraries of files, each with the last rig that it was found to fit.
-    libraries: Mutex<Vec<LoadedLibrary>>,
+    /// Libraries by their files.
+    libraries: Mutex<HashMap<PathBuf, KnownLibrary>>,
     /// Judges that wait for a run.
     judges: Mutex<Vec<Judge>>,
     clock: MonotonicClock,
@@ -278,28 +276,22 @@ impl State {
         };
         let Some(LibraryRef::File(path)) = &job.library else { return job_library(job).map(hashed) };
         let mut libraries = self.libraries.lock();
-        let known = libraries.iter().find(|known| known.path == *path);
-        let is_checked =
-            |known: &&LoadedLibrary| known.model == job.rig.model && known.fingerprint == job.rig.fingerprint;
-        if let Some(known) = known.filter(is_checked) {
-            return Ok((Arc::clone(&known.library), known.hash.clone()));
-        }
-        let (library, hash) = match known {
-            None => job_library(job).map(hashed)?,
-            Some(known) => {
-                let faults = library_faults(&known.library, &path.display().to_string(), &job.rig);
-                if !faults.is_empty() {
-                    return Err(faults);
-                }
-                (Arc::clone(&known.library), known.hash.clone())
+        let rig = || (job.rig.model.clone(), job.rig.fingerprint.clone());
+        let (library, hash, fits) = match libraries.entry(path.clone()) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => {
+                let (library, hash) = job_library(job).map(hashed)?;
+                new.insert((library, hash, rig()))
             }
         };
-        let (model, fingerprint) = (job.rig.model.clone(), job.rig.fingerprint.clone());
-        let loaded =
-            LoadedLibrary { path: path.clone(), model, fingerprint, library: Arc::clone(&library), hash: hash.clone() };
-        libraries.retain(|known| known.path != *path);
-        libraries.push(loaded);
-        Ok((library, hash))
+        if *fits != rig() {
+            let faults = library_faults(library, &path.display().to_string(), &job.rig);
+            if !faults.is_empty() {
+                return Err(faults);
+            }
+            *fits = rig();
+        }
+        Ok((Arc::clone(library), hash.clone()))
     }
 
     /// Violations that a judge finds in the run in `folder`.

@@ -62,6 +62,14 @@ impl ActionPlanner {
         }
     }
 
+    /// Forecast places of `parts` after `pulse`, m; `None` for a pulse of a kind that it does not plan.
+    pub fn forecast(&self, parts: &[PartState], pulse: &PlannedPulse) -> Option<Vec<Vec2>> {
+        match (self, pulse) {
+            (Self::Fields { planner, .. }, PlannedPulse::Field(pulse)) => Some(planner.forecast(parts, pulse)),
+            _ => None,
+        }
+    }
+
     /// Action of the planner for the steps of `parts`, whose sequence of rotations goes at most `stride_m` at once.
     pub fn expert(&mut self, parts: &[PartState], stride_m: Option<f64>) -> Vec<f64> {
         match self {

@@ -9,6 +9,7 @@ use super::plate::SteppedPlate;
 use super::types::{ActionKind, EpisodeTask, StepOutcome};
 use crate::config::{Assignment, Diagnostic, Path, PlacedPart, TaskSpec, free_place, place_parts};
 use crate::run::{RunError, task};
+use upm_control::GainEstimator;
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 use upm_core::rig::RigError;
@@ -22,6 +23,8 @@ pub struct Episode {
     seed: u64,
     plate: SteppedPlate,
     planner: ActionPlanner,
+    /// Learned for actions that are steps.
+    gains: GainEstimator,
     /// Target of each part, m.
     targets_m: Vec<Vec2>,
     draws: Rng,
@@ -49,6 +52,7 @@ impl Episode {
             seed,
             plate: SteppedPlate::new(&job)?,
             planner: params.planner()?,
+            gains: GainEstimator::new(params.parts(), 0.5 * job.rig.model.plate_side_m),
             targets_m: Vec::new(),
             draws: Streams::new(seed).stream("episode targets"),
             task: None,
@@ -99,10 +103,14 @@ impl Episode {
         let (at_rest, collisions) = (self.states(&[]), self.plate.truth.collisions);
         let pulse = self.planner.pulse(action, &at_rest);
         let undriven = || RigError::BadDrive("the library does not drive this action".into());
-        let drive = pulse.map(|pulse| pulse.drive(&self.params.library).ok_or_else(undriven)).transpose()?;
+        let drive = pulse.as_ref().map(|pulse| pulse.drive(&self.params.library).ok_or_else(undriven)).transpose()?;
         let before_m = self.mean_distance_m();
         self.plate.play(drive.as_ref())?;
         self.expert = None;
+        if let Some(pulse) = pulse.filter(|_| self.params.action() == ActionKind::Steps) {
+            let forecast = |parts: &[PartState]| self.planner.forecast(parts, &pulse);
+            self.gains.learn_pulse(&pulse, &at_rest, &self.plate.seen_m, &forecast);
+        }
         let closer = (before_m - self.mean_distance_m()) / (0.5 * self.params.job.rig.model.plate_side_m);
         let has_fallen = !self.plate.truth.parts.iter().all(|part| part.on_plate);
         let is_stream = self.params.task() == EpisodeTask::Stream;
@@ -186,7 +194,7 @@ impl Episode {
             position_m: *position_m,
             step_m: subgoals_m.get(i).map_or_else(Vec2::zeros, |subgoal_m| subgoal_m - position_m),
             radius_m: part.params.radius_m,
-            gain: 1.0,
+            gain: self.gains.get(i, *position_m),
         };
         self.plate.seen_m.iter().zip(&self.plate.parts).enumerate().map(state).collect()
     }

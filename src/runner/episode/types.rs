@@ -23,7 +23,7 @@ coded_enum! {
         /// rotation's longest is that.
         Pulse = "pulse",
         /// Wanted step of every part, x and y, mm; the planner of synthesised fields takes as much of it as one pulse
-        /// can.
+        /// can, and learns how far each part goes.
         Steps = "steps",
     }
 }

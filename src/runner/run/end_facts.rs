@@ -7,7 +7,6 @@ use crate::config::{Assignment, JobSpec, TaskSpec, fault_entry};
 use upm_control::{ExpectedPart, FinalState, RunEnd};
 use upm_core::geometry::Vec2;
 use upm_core::job::{Finding, Outcome, StopCause, StopRequest};
-use upm_core::rig::Rig;
 use upm_core::units::{m_from_mm, mm_from_m};
 use upm_recording::{IncidentReport, PartReport, Report, StopReport, Verdict, WorkReport, rounded};
 
@@ -15,14 +14,9 @@ use upm_recording::{IncidentReport, PartReport, Report, StopReport, Verdict, Wor
 const SENSING_MM: f64 = 0.1;
 
 /// Report of the end of a run, without what its sinks counted; `setup` is `None` for a run that had no plate.
-pub(super) fn ending<R: Rig>(
-    job: &JobSpec,
-    setup: Option<&RunSetup<R>>,
-    finish: FinalState,
-    wall_time_s: f64,
-) -> Report {
+pub(super) fn ending(job: &JobSpec, setup: Option<&RunSetup>, finish: FinalState, wall_time_s: f64) -> Report {
     let FinalState { ending: RunEnd { outcome, cause, reason }, wanted, measured_m, lost, evidence } = finish;
-    let parts_of = |setup: &RunSetup<R>| {
+    let parts_of = |setup: &RunSetup| {
         let truth = setup.known_truth();
         let part_at_end = |(i, part): (usize, &ExpectedPart)| {
             let kind = setup.params.kinds.get(part.kind).map_or("", |kind| &kind.name);
@@ -32,8 +26,8 @@ pub(super) fn ending<R: Rig>(
         };
         setup.params.parts.iter().enumerate().map(part_at_end).collect()
     };
-    let faults_begun = |RunSetup { faults, rig, .. }: &RunSetup<R>| {
-        let begun = faults.iter().filter(|fault| fault.from <= rig.now());
+    let faults_begun = |RunSetup { faults, ended_at, .. }: &RunSetup| {
+        let begun = faults.iter().filter(|fault| fault.from <= *ended_at);
         begun.map(fault_entry).collect()
     };
     let laps = wanted.as_ref().map_or(0, |wanted| wanted.laps);
@@ -45,7 +39,7 @@ pub(super) fn ending<R: Rig>(
         outcome,
         stop: cause.map(|cause| StopReport::of(cause, &reason)),
         reason,
-        plate_time_s: setup.map_or(0.0, |setup| rounded(setup.now().secs())),
+        plate_time_s: setup.map_or(0.0, |setup| rounded(setup.ended_at.secs())),
         wall_time_s: rounded(wall_time_s),
         work: WorkReport { laps, lost_parts: lost.len(), ..WorkReport::default() },
         parts: setup.map(parts_of).unwrap_or_default(),

@@ -4,10 +4,9 @@ use std::sync::atomic::AtomicBool;
 use super::end_facts::{ending, verdict};
 use super::error::RunError;
 use super::library::job_library;
-use super::setup::{RunSetup, TruthInJobOrder};
+use super::setup::{RunSetup, TruthInJobOrder, simulated_rig};
 use crate::config::{Diagnostic, JobSpec};
-use upm_control::{self as control, ControlParams, FinalState, RunIo, Sink};
-use upm_core::document::counted;
+use upm_control::{ControlParams, Sink};
 use upm_core::rig::Rig;
 use upm_core::time::StoppedClock;
 use upm_planning::cor_library::Library;
@@ -59,20 +58,12 @@ impl<'a> InMemoryRun<'a> {
 
     /// Runs to the end on the simulated rig, with the job's faults.
     pub fn run(self) -> Report {
-        self.run_watched(&mut Fanout::default())
+        self.run_until(&AtomicBool::new(false), &mut Fanout::default())
     }
 
-    /// As [`Self::run`]; `watcher` receives all facts.
-    pub fn run_watched(self, watcher: &mut dyn Sink) -> Report {
-        self.run_until(&AtomicBool::new(false), watcher)
-    }
-
-    /// As [`Self::run_watched`], and ends after the next frame once `stop` is set.
-    pub(crate) fn run_until(self, stop: &AtomicBool, watcher: &mut dyn Sink) -> Report {
-        let play = |setup: &mut RunSetup, library: &_, sinks: &mut Fanout<'_>| {
-            setup.play(library, None, sinks, &StoppedClock, stop, &AtomicBool::new(false))
-        };
-        self.finish(|rig| rig, play, watcher).0
+    /// As [`Self::run`], and ends after the next frame once `stop` is set; `watcher` receives all facts.
+    pub fn run_until(mut self, stop: &AtomicBool, watcher: &mut dyn Sink) -> Report {
+        self.finish(None, stop, watcher)
     }
 
     /// Runs to the end on the rig that `make` returns for the simulated one, and returns that rig with the report: a
@@ -80,34 +71,26 @@ impl<'a> InMemoryRun<'a> {
     ///
     /// # Errors
     /// A job with faults, since only the simulated rig has them.
-    pub fn run_on<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> Result<(Report, R), RunError> {
-        if !self.setup.faults.is_empty() {
-            let found = counted(self.setup.faults.len(), "fault");
-            return Err(Diagnostic::new(&self.job.file, "faults", found, "none on a rig of the caller's").into());
+    pub fn run_on<R: Rig>(mut self, make: impl FnOnce(SimRig) -> R) -> Result<(Report, R), RunError> {
+        self.setup.refuse_faults(self.job)?;
+        let (simulated, _) = simulated_rig(self.job)?;
+        self.setup.truth = simulated.probe();
+        let mut rig = make(simulated);
+        if !rig.takes_over() {
+            self.setup.fall_back();
         }
-        let play = |setup: &mut RunSetup<R>, library: &_, sink: &mut Fanout<'_>| {
-            let (RunSetup { rig, model, task, params, own_planner, .. }, never) = (setup, AtomicBool::new(false));
-            let planner = own_planner.take();
-            let devices = RunIo { rig, model, sink, clock: &StoppedClock, stop: &never, give_way: &never, planner };
-            control::run(devices, library, task.as_mut(), params)
-        };
-        Ok(self.finish(make, play, &mut Fanout::default()))
+        let report = self.finish(Some(&mut rig), &AtomicBool::new(false), &mut Fanout::default());
+        Ok((report, rig))
     }
 
-    fn finish<R: Rig>(
-        self,
-        make: impl FnOnce(SimRig) -> R,
-        play: impl FnOnce(&mut RunSetup<R>, &Arc<Library>, &mut Fanout<'_>) -> FinalState,
-        watcher: &mut dyn Sink,
-    ) -> (Report, R) {
+    fn finish(&mut self, own: Option<&mut dyn Rig>, stop: &AtomicBool, watcher: &mut dyn Sink) -> Report {
         let Self { job, library, setup } = self;
-        let mut setup = setup.with_rig(make);
         let (mut named, mut stats) = (TruthInJobOrder(setup.truth.clone()), RunStats::new(Some(setup.truth.clone())));
         let mut sinks = Fanout { sinks: vec![&mut named, &mut stats, watcher], after_frame: None };
-        let finish = play(&mut setup, &library, &mut sinks);
-        let mut report = stats.report(ending(job, Some(&setup), finish, 0.0));
+        let finish = setup.play(library, own, None, &mut sinks, &StoppedClock, (stop, &AtomicBool::new(false)));
+        let mut report = stats.report(ending(job, Some(setup), finish, 0.0));
         report.verdict = if setup.has_own_task { None } else { verdict(job, &report) };
-        (report, setup.rig)
+        report
     }
 }
 

@@ -60,6 +60,7 @@ fn run_by_hand_fails_when_its_report_cannot_be_written() {
     let (job, out) = (job(), TempDir::new().unwrap());
     let (options, clock) = (options(&out), MonotonicClock::new());
     let (stop, pacing) = (AtomicBool::new(false), PacingStats::default());
-    let done = run(&job, job_library(&job).unwrap(), &options, &clock, &stop, &pacing, &mut InTheWay(out.path()));
+    let (library, how) = (job_library(&job).unwrap(), (&options, OwnParts::default()));
+    let done = run(&job, library, how, &clock, &stop, &pacing, &mut InTheWay(out.path()));
     assert!(matches!(done, Err(RunError::Write { path, .. }) if path.ends_with("report.json")));
 }

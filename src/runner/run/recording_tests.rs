@@ -30,7 +30,7 @@ fn run_until(out: &TempDir, frame: u64) -> (RunResult, RecordingState) {
     let recording = options.recording_options.recording.clone();
     let (library, clock, stop) = (job_library(&job).unwrap(), MonotonicClock::new(), AtomicBool::new(false));
     let (pacing, mut watcher) = (PacingStats::default(), FailsAt(frame, recording.clone()));
-    let done = run(&job, library, &options, &clock, &stop, &pacing, &mut watcher).unwrap();
+    let done = run(&job, library, (&options, OwnParts::default()), &clock, &stop, &pacing, &mut watcher).unwrap();
     (done, recording.state())
 }
 

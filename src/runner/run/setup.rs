@@ -35,9 +35,9 @@ pub(super) const LEAD_M: f64 = 4e-3;
 const LOST_AFTER_S: f64 = 0.4;
 
 /// A job's rig, its task and the parameters of control.
-pub struct RunSetup<R = SimRig> {
+pub struct RunSetup {
     /// Rig that control drives, with the parts at their start.
-    pub rig: R,
+    pub rig: SimRig,
     /// True positions of its parts.
     pub truth: GroundTruthHandle,
     /// Model of the rig that control knows.
@@ -59,6 +59,8 @@ pub struct RunSetup<R = SimRig> {
     pub(super) own_planner: Option<Box<dyn OwnPlanner>>,
     /// The caller's rig, in the place of the simulated one, which stays at rest.
     pub(super) own_rig: Option<Box<dyn Rig>>,
+    /// Plate time when control had ended.
+    pub(super) ended_at: PlateTime,
 }
 
 /// Task, planner or rig of a caller's, in the place of a job's own.
@@ -116,32 +118,21 @@ impl RunSetup {
             has_own_task: false,
             own_planner: None,
             own_rig: None,
+            ended_at: PlateTime::ZERO,
         })
     }
 
-    /// The same setup with the rig that `make` returns for the simulated one, and a planner for it.
-    pub fn with_rig<R: Rig>(self, make: impl FnOnce(SimRig) -> R) -> RunSetup<R> {
-        let Self { rig, truth, model, mut planner, task, mut params, placed, faults, streams, .. } = self;
-        let Self { has_own_task, own_planner, own_rig, .. } = self;
-        let rig = make(rig);
-        if !rig.takes_over() {
-            planner.fall_back();
-            params.method = planner.method;
-        }
-        RunSetup {
-            rig,
-            truth,
-            model,
-            planner,
-            task,
-            params,
-            placed,
-            faults,
-            streams,
-            has_own_task,
-            own_planner,
-            own_rig,
-        }
+    /// Takes a planner of pulses from rest.
+    pub(super) fn fall_back(&mut self) {
+        self.planner.fall_back();
+        self.params.method = self.planner.method;
+    }
+
+    /// `Err` for a job with faults on a rig of the caller's, since only the simulated rig has them.
+    pub(super) fn refuse_faults(&self, job: &JobSpec) -> Result<(), Diagnostic> {
+        let found = counted(self.faults.len(), "fault");
+        let wrong = || Diagnostic::new(&job.file, "faults", found, "none on a rig of the caller's");
+        if self.faults.is_empty() { Ok(()) } else { Err(wrong()) }
     }
 
     /// Replaces the task by the caller's.
@@ -152,15 +143,11 @@ impl RunSetup {
     /// The same setup with what the caller brings.
     ///
     /// # Errors
-    /// A job with faults on a rig of the caller's, since only the simulated rig has them.
+    /// A job with faults on a rig of the caller's.
     pub fn with_own(mut self, job: &JobSpec, OwnParts { task, planner, rig }: OwnParts) -> Result<Self, Diagnostic> {
-        if rig.is_some() && !self.faults.is_empty() {
-            let found = counted(self.faults.len(), "fault");
-            return Err(Diagnostic::new(&job.file, "faults", found, "none on a rig of the caller's"));
-        }
+        rig.iter().try_for_each(|_| self.refuse_faults(job))?;
         if planner.is_some() || rig.as_ref().is_some_and(|rig| !rig.takes_over()) {
-            self.planner.fall_back();
-            self.params.method = self.planner.method;
+            self.fall_back();
         }
         task.into_iter().for_each(|task| self.take_task(task));
         Ok(Self { own_planner: planner, own_rig: rig, ..self })
@@ -172,13 +159,6 @@ impl RunSetup {
             [(self.has_own_task, "task"), (self.own_planner.is_some(), "planner"), (self.own_rig.is_some(), "rig")];
         let own = own.into_iter().filter(|(is_own, _)| *is_own);
         own.map(|(_, what)| format!("the {what} is the caller's own: verify cannot repeat this run")).collect()
-    }
-}
-
-impl<R: Rig> RunSetup<R> {
-    /// Plate time of the rig that control drives.
-    pub(super) fn now(&self) -> PlateTime {
-        self.own_rig.as_ref().map_or_else(|| self.rig.now(), |own| own.now())
     }
 
     /// True where a verdict by the truth can be given.

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::{PacingStats, RunOptions, RunResult, job_library, run};
+use super::{OwnParts, PacingStats, RunOptions, RunResult, job_library, run};
 use crate::config::{JobSpec, Origin};
 use upm_core::time::{MonotonicClock, StoppedClock};
 use upm_recording::{Fanout, RecordingOptions, RerunMode};
@@ -42,7 +42,8 @@ pub(super) fn job_in_configs(document: &Value) -> JobSpec {
 pub(super) fn played(job: &JobSpec) -> (TempDir, RunResult) {
     let (out, stop, library) = (TempDir::new().unwrap(), AtomicBool::new(false), job_library(job).unwrap());
     let (pacing, mut watcher) = (PacingStats::default(), Fanout::default());
-    let done = run(job, library, &options(&out), &StoppedClock, &stop, &pacing, &mut watcher).unwrap();
+    let how = (&options(&out), OwnParts::default());
+    let done = run(job, library, how, &StoppedClock, &stop, &pacing, &mut watcher).unwrap();
     (out, done)
 }
 

@@ -72,7 +72,7 @@ pub fn verify(run: &Path, stop: &AtomicBool, watcher: &mut dyn Sink) -> Result<V
         enough.fetch_or(stop.load(Ordering::Relaxed), Ordering::Relaxed);
     };
     let mut sinks = Fanout { sinks: vec![&mut named, &mut journal, watcher], after_frame: Some(&mut end_if_stopped) };
-    setup.play(&library, None, &mut sinks, &StoppedClock, &enough, &AtomicBool::new(false));
+    setup.play(&library, None, None, &mut sinks, &StoppedClock, (&enough, &AtomicBool::new(false)));
     let broken = |error: io::Error| RunError::Write { path: "journal".into(), reason: error.to_string() };
     journal.finish().map_err(broken)?;
     Ok(match repetition.verdict() {

@@ -3,7 +3,6 @@ use serde_json::json;
 use super::args::{CalibrateArgs, Common};
 use super::output::{Failure, INTERRUPTED, NOT_REACHED, print, stop_on_interrupt};
 use super::progress::LateProgress;
-use super::run::run_failure;
 use upm_control::calibration::{CalibrationError, CalibrationProgress};
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
@@ -13,7 +12,7 @@ use upm_runner::run::{LibraryOutput, calibrate as calibrate_rig, calibration_par
 pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Failure> {
     let rig = RigSpec::load(&args.rig).map_err(Failure::of_files)?;
     // checked before the long measurement
-    let output = LibraryOutput::check(&args.out).map_err(|error| run_failure(&error))?;
+    let output = LibraryOutput::check(&args.out)?;
     let stop = stop_on_interrupt();
     let mut progress = LateProgress::new(common);
     let params = calibration_params(&rig);
@@ -25,7 +24,7 @@ pub(super) fn calibrate(args: &CalibrateArgs, common: Common) -> Result<u8, Fail
         Err(fault) => return Err(Failure::failed(format!("calibration of {}: {fault}", rig.model.name))),
     };
     let replaced = output.replace(&library, &rig);
-    replaced.map_err(|error| Failure { status: NOT_REACHED, ..run_failure(&error) })?;
+    replaced.map_err(|error| Failure { status: NOT_REACHED, ..error.into() })?;
     let summary = json!({ "rig": library.rig, "fingerprint": library.fingerprint, "entries": library.entries.len() });
     print(common.json, &summary, || {
         print_summary(&library)?;

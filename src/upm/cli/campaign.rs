@@ -15,7 +15,7 @@ use serde_json::json;
 use super::args::{Common, RunArgs};
 use super::job_changes::{change, read_dash};
 use super::output::{BAD_INPUT, Failure, INTERRUPTED, print, stop_on_interrupt};
-use super::run::{USUAL_OUT, load_job, run_failure, utc_now};
+use super::run::{USUAL_OUT, load_job, utc_now};
 use args::USUAL_SHARDS;
 pub use args::{CampaignArgs, CampaignCommand};
 use progress::CampaignProgress;
@@ -43,7 +43,7 @@ pub(super) fn campaign(args: &CampaignArgs, common: Common) -> Result<u8, Failur
     }
     let (shard, shards) = args.shard.map_or((None, USUAL_SHARDS), |(shard, shards)| (Some(shard), shards));
     let facts = FolderFacts::of(&campaign, shards, args.judge.as_deref());
-    let folder = CampaignFolder::open_or_create(&out, facts).map_err(|error| run_failure(&error))?;
+    let folder = CampaignFolder::open_or_create(&out, facts)?;
     let range = args.runs_of(campaign.runs())?;
     let runner = CampaignRunner { folder: &folder, ..args.runner(&campaign, &folder, &stop) };
     made(&runner, shard.map_or(0..shards, |shard| shard..shard + 1), range, common)?;
@@ -77,7 +77,7 @@ fn made(
     let done = runner.run(shards, range, &|line| progress.show(line));
     progress.finish();
     // what is there stays whole: a full disk is no end of the campaign
-    done.map_err(|error| Failure { status: BAD_INPUT, ..run_failure(&error) })
+    done.map_err(|error| Failure { status: BAD_INPUT, ..error.into() })
 }
 
 /// Runs the job in `file` with each of the seeds that `--seeds` names, and keeps all run folders.
@@ -99,7 +99,7 @@ pub(super) fn of_seeds(file: &Path, seeds: &Seeds, args: &RunArgs, common: Commo
     let out: PathBuf = args.out.clone().unwrap_or_else(in_usual);
     let campaign = Campaign::of_job(&job.name, job.effective(), Origin::of_file(file), seeds, job.camera);
     let facts = FolderFacts::of(&campaign, 1, None);
-    let folder = CampaignFolder::open_or_create(&out, facts).map_err(|error| run_failure(&error))?;
+    let folder = CampaignFolder::open_or_create(&out, facts)?;
     let stop = stop_on_interrupt();
     let runner = CampaignRunner {
         campaign: &campaign,

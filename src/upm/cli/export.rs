@@ -17,15 +17,13 @@ use super::output::{Failure, check_ending, print};
 use super::progress::LateProgress;
 use super::run_args::{ExportArgs, RunFolderArgs};
 use super::run_folder::run_folder;
-use files::{Drafts, JOURNAL, draft_of, read_failed, read_lines, report_of};
+use files::{JOURNAL, draft_of, read_failed, read_lines, report_of};
 use tables::{Column, TABLES, text};
 
 pub(super) use dataset::{differing_files, episodes_in};
+pub(super) use files::Drafts;
 pub(super) use parquet_file::ParquetFile;
 pub(super) use tables::Table;
-
-/// Rows of a row group of a table.
-const GROUP_ROWS: usize = 1 << 16;
 
 /// Writes run folders in the forms that are asked for.
 pub(super) fn export(args: &ExportArgs, common: Common) -> Result<u8, Failure> {
@@ -66,16 +64,35 @@ fn tables(run: &Path, folder: &Path, args: &ExportArgs) -> Result<Vec<(PathBuf, 
     let report = report_of(run)?;
     // nothing is created without a journal
     File::open(run.join(JOURNAL)).map_err(|error| read_failed(&run.join(JOURNAL), &error))?;
-    let mut files = TableFiles::create(folder, args)?;
-    files.add_journal(run)?;
+    fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
+    let (mut drafts, mut files) = (Drafts::default(), Vec::new());
+    let endings = [(args.csv, "csv"), (args.parquet, "parquet")].into_iter().filter(|(is_asked, _)| *is_asked);
+    for (table, ending) in endings.flat_map(|(_, ending)| TABLES.iter().map(move |table| (table, ending))) {
+        let path = folder.join(format!("{}.{ending}", table.name));
+        drafts.0.push(draft_of(&path));
+        let create = if ending == "csv" { csv_file } else { parquet_file };
+        let write = create(&draft_of(&path), table).map_err(|error| Failure::write(&path, error))?;
+        files.push(TableFile { table, path, rows: 0, write });
+    }
+    let mut add = |kind: &str, line: &Value, fault: &dyn Fn(String) -> Failure| {
+        files.iter_mut().filter(|file| file.table.lines.iter().any(|of| of == kind)).try_for_each(|file| {
+            let rows = file.table.rows(line).map_err(fault)?;
+            rows.into_iter().try_for_each(|row| file.put(Some(row)))
+        })
+    };
+    read_lines(run, |line| add(&line.kind, &line.content, &|found| line.fault(found)))?;
     match &report {
         Some(report) => {
             let timings: Vec<_> = json!(report.timing_us).as_object().into_iter().flatten().map(|t| json!(t)).collect();
-            files.add("report", &json!({ "timings": timings }), Failure::failed)?;
+            add("report", &json!({ "timings": timings }), &|found| Failure::failed(found))?;
         }
         None => tracing::warn!("{}: no report.json: no names of parts and no timings", run.display()),
     }
-    files.finish()
+    files.iter_mut().try_for_each(|file| file.put(None))?;
+    for TableFile { path, .. } in &files {
+        fs::rename(draft_of(path), path).map_err(|error| Failure::write(path, error))?;
+    }
+    Ok(files.into_iter().map(|file| (file.path, file.rows)).collect())
 }
 
 /// Default output folder, beside the run folder `run` and named after it.
@@ -87,101 +104,40 @@ fn beside(run: &Path) -> PathBuf {
     run.with_file_name(name)
 }
 
-/// File of a table in one format.
+/// Appends a row with one value per column; `None` writes what is buffered and ends the file.
+type WriteRow = Box<dyn FnMut(Option<Vec<Value>>) -> io::Result<()>>;
+
+/// File of a table in one format, which has its name once it is whole.
 struct TableFile {
     table: &'static Table,
     path: PathBuf,
-    writer: TableWriter,
     rows: u64,
+    write: WriteRow,
 }
 
-enum TableWriter {
-    /// Comma-separated values as in RFC 4180, with a header row.
-    Csv(csv::Writer<File>),
-    Parquet(ParquetFile),
-}
-
-struct TableFiles {
-    files: Vec<TableFile>,
-    _drafts: Drafts,
-}
-
-impl TableFiles {
-    /// Creates a file for every table in each format that `args` name. They have their names once all are whole.
-    fn create(folder: &Path, args: &ExportArgs) -> Result<Self, Failure> {
-        fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
-        let mut drafts = Drafts::default();
-        let mut create = |table: &'static Table, ending| {
-            let path = folder.join(format!("{}.{ending}", table.name));
-            drafts.0.push(draft_of(&path));
-            let writer = TableWriter::create(&draft_of(&path), table, ending);
-            let writer = writer.map_err(|error| Failure::write(&path, error))?;
-            Ok(TableFile { table, path, writer, rows: 0 })
-        };
-        let endings = [(args.csv, "csv"), (args.parquet, "parquet")].into_iter().filter(|(is_asked, _)| *is_asked);
-        let tables = endings.flat_map(|(_, ending)| TABLES.iter().map(move |table| (table, ending)));
-        let files = tables.map(|(table, ending)| create(table, ending)).collect::<Result<_, Failure>>()?;
-        Ok(Self { files, _drafts: drafts })
-    }
-
-    /// Writes the rows of all lines of the journal in folder `run`.
-    fn add_journal(&mut self, run: &Path) -> Result<(), Failure> {
-        read_lines(run, |line| self.add(&line.kind, &line.content, |found| line.fault(found)))
-    }
-
-    /// Adds the rows of a line of this type to all tables; `fault` is for what the line lacks.
-    fn add(&mut self, kind: &str, line: &Value, fault: impl Fn(String) -> Failure) -> Result<(), Failure> {
-        self.files.iter_mut().filter(|file| file.table.lines.iter().any(|of| of == kind)).try_for_each(|file| {
-            let rows = file.table.rows(line).map_err(&fault)?;
-            file.rows += rows.len() as u64;
-            let path = &file.path;
-            rows.into_iter().try_for_each(|row| file.writer.row(row)).map_err(|error| Failure::write(path, error))
-        })
-    }
-
-    /// Closes the files and gives them their names; their paths and numbers of rows.
-    fn finish(mut self) -> Result<Vec<(PathBuf, u64)>, Failure> {
-        for TableFile { path, writer, .. } in &mut self.files {
-            writer.finish().map_err(|error| Failure::write(path, error))?;
-        }
-        for TableFile { path, .. } in &self.files {
-            fs::rename(draft_of(path), path).map_err(|error| Failure::write(path, error))?;
-        }
-        Ok(self.files.into_iter().map(|file| (file.path, file.rows)).collect())
+impl TableFile {
+    fn put(&mut self, row: Option<Vec<Value>>) -> Result<(), Failure> {
+        self.rows += u64::from(row.is_some());
+        (self.write)(row).map_err(|error| Failure::write(&self.path, error))
     }
 }
 
-impl TableWriter {
-    fn create(path: &Path, table: &'static Table, ending: &str) -> io::Result<Self> {
-        if ending == "parquet" {
-            return Ok(Self::Parquet(ParquetFile::create(path, table)?));
-        }
-        let mut file = csv::Writer::from_writer(File::create(path)?);
-        file.write_record(table.columns.iter().map(|Column(name, ..)| name))?;
-        Ok(Self::Csv(file))
-    }
+/// Comma-separated values as in RFC 4180, with a header row.
+fn csv_file(path: &Path, table: &'static Table) -> io::Result<WriteRow> {
+    let mut file = csv::Writer::from_writer(File::create(path)?);
+    file.write_record(table.columns.iter().map(|Column(name, ..)| name))?;
+    Ok(Box::new(move |row| match row {
+        Some(row) => Ok(file.write_record(row.iter().map(text))?),
+        None => file.flush(),
+    }))
+}
 
-    /// Appends a row with one value per column.
-    fn row(&mut self, row: Vec<Value>) -> io::Result<()> {
-        match self {
-            Self::Csv(file) => Ok(file.write_record(row.iter().map(text))?),
-            Self::Parquet(file) => {
-                if file.rows([row]) < GROUP_ROWS {
-                    Ok(())
-                } else {
-                    file.end_group()
-                }
-            }
-        }
-    }
-
-    /// Writes buffered rows and closes the file.
-    fn finish(&mut self) -> io::Result<()> {
-        match self {
-            Self::Csv(file) => file.flush(),
-            Self::Parquet(file) => file.finish(),
-        }
-    }
+fn parquet_file(path: &Path, table: &'static Table) -> io::Result<WriteRow> {
+    let mut file = ParquetFile::create(path, table)?;
+    Ok(Box::new(move |row| match row {
+        Some(row) => file.row(row),
+        None => file.finish(),
+    }))
 }
 
 #[cfg(test)]
@@ -195,10 +151,8 @@ mod tests {
         let runs = vec![folder.path().into()];
         let args =
             ExportArgs { runs, out: "runs".into(), csv: true, parquet: true, to: None, lerobot: None, mcap: None };
-        let mut files = TableFiles::create(&folder.path().join("tables"), &args).unwrap();
-        let added = files.add_journal(folder.path());
-        added.map_err(|failure| failure.lines.join("\n"))?;
-        Ok(files.finish().unwrap()[2].1)
+        let written = tables(folder.path(), &folder.path().join("tables"), &args);
+        written.map(|files| files[2].1).map_err(|failure| failure.lines.join("\n"))
     }
 
     #[test]

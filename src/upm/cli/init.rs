@@ -23,19 +23,24 @@ struct InitReport {
 pub(super) fn init(args: &InitArgs, common: Common) -> Result<u8, Failure> {
     let mut report = InitReport { folder: args.folder.display().to_string(), ..InitReport::default() };
     for &(name, text) in FILES {
-        let path = args.folder.join(name);
-        match fs::read(&path) {
+        match fs::read(args.folder.join(name)) {
             Ok(found) if found == text.as_bytes() => report.unchanged.push(name),
             Ok(_) if !args.force => report.kept.push(name),
             _ => {
-                let folder = path.parent().unwrap_or(&args.folder);
-                fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
-                fs::write(&path, text).map_err(|error| Failure::write(&path, error))?;
+                write_shipped(&args.folder, name, text)?;
                 report.written.push(name);
             }
         }
     }
     print(common.json, &report, || print_report(&args.folder, &report))
+}
+
+/// Writes the shipped file `name` into `folder`, with the folders in its path.
+pub(super) fn write_shipped(folder: &Path, name: &str, text: &str) -> Result<(), Failure> {
+    let path = folder.join(name);
+    let parent = path.parent().unwrap_or(folder);
+    fs::create_dir_all(parent).map_err(|error| Failure::write(parent, error))?;
+    fs::write(&path, text).map_err(|error| Failure::write(&path, error))
 }
 
 fn print_report(folder: &Path, report: &InitReport) -> Result<(), Failure> {

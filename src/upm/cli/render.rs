@@ -5,10 +5,9 @@ use serde_json::{Value, json};
 
 use super::args::{Common, RenderArgs};
 use super::output::{Failure, check_ending, print_json};
-use super::run::run_failure;
 use upm_core::units::mm_from_m;
 use upm_runner::config::JobSpec;
-use upm_runner::run::{FirstFrame, first_frame};
+use upm_runner::run::{FirstFrame, TruePart, first_frame};
 
 /// Supported file name extensions of pictures.
 const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "pgm", "tif", "tiff"];
@@ -19,7 +18,7 @@ pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
     if let Some(seed) = args.seed {
         job = job.with_seed(seed);
     }
-    let first = first_frame(&job).map_err(|error| run_failure(&error))?;
+    let first = first_frame(&job)?;
     let (truth, frame) = (truth(&first), first.frame);
     GrayImage::from_raw(frame.width as u32, frame.height as u32, frame.pixels)
         .ok_or_else(|| Failure::failed("the camera's frame has no picture"))?
@@ -35,14 +34,10 @@ pub(super) fn render(args: &RenderArgs, common: Common) -> Result<u8, Failure> {
 }
 
 fn truth(first: &FirstFrame) -> Value {
-    let parts = first.parts.iter().map(|part| {
-        json!({
-            "id": part.id,
-            "kind": part.kind,
-            "position_mm": [mm_from_m(part.position_m.x), mm_from_m(part.position_m.y)],
-            "foot_px": [part.foot_px.x, part.foot_px.y],
-        })
-    });
+    let part = |TruePart { id, kind, position_m, foot_px }: &TruePart| {
+        let position_mm = position_m.map(mm_from_m);
+        json!({ "id": id, "kind": kind, "position_mm": position_mm.as_slice(), "foot_px": foot_px.as_slice() })
+    };
     let corners_px = first.corners_px.map(|corner| [corner.x, corner.y]);
-    json!({ "table": { "corners_px": corners_px }, "parts": parts.collect::<Vec<_>>() })
+    json!({ "table": { "corners_px": corners_px }, "parts": first.parts.iter().map(part).collect::<Vec<_>>() })
 }

@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use super::args::{Common, RunArgs};
-use super::output::{Failure, INTERRUPTED, NOT_REACHED, check_ending, print_json, stop_on_interrupt};
+use super::output::{BAD_INPUT, Failure, INTERRUPTED, NOT_REACHED, check_ending, print_json, stop_on_interrupt};
 use super::progress::RunProgress;
 use super::shipped::is_shipped;
 use super::summary::print_summary;
@@ -11,7 +11,7 @@ use upm_core::job::{CameraMode, Outcome, Pace};
 use upm_core::time::MonotonicClock;
 use upm_recording::{Fanout, RecordingOptions, Report, Verdict};
 use upm_runner::config::{Diagnostic, DiagnosticClass, JobSpec};
-use upm_runner::run::{self, PacingStats, RunError, RunOptions, job_warnings, library_and_places};
+use upm_runner::run::{self, OwnParts, PacingStats, RunError, RunOptions, job_warnings, library_and_places};
 use upm_viewer::USUAL_MODE;
 
 /// Default folder for run folders.
@@ -30,8 +30,7 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let library = library_and_places(&job).map_err(Failure::faults)?;
     let warnings: Vec<String> = job_warnings(&job, &library).iter().map(ToString::to_string).collect();
     warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
-    let mut movie =
-        args.movie.as_deref().map(|path| run::movie(&job, path)).transpose().map_err(|e| run_failure(&e))?;
+    let mut movie = args.movie.as_deref().map(|path| run::movie(&job, path)).transpose()?;
     let clock = MonotonicClock::new();
     let real_time = args.pace == Pace::RealTime;
     let options = RunOptions {
@@ -46,9 +45,9 @@ pub(super) fn run(args: &RunArgs, common: Common) -> Result<u8, Failure> {
     let mut progress = RunProgress::new(common, &pacing);
     let mut sinks = Fanout { sinks: vec![&mut progress], after_frame: None };
     sinks.sinks.extend(movie.as_mut().map(|movie| movie as &mut dyn Sink));
-    let result = run::run(&job, library, &options, &clock, &stop, &pacing, &mut sinks);
+    let result = run::run(&job, library, (&options, OwnParts::default()), &clock, &stop, &pacing, &mut sinks);
     progress.finish();
-    let result = result.map_err(|error| run_failure(&error))?;
+    let result = result?;
     for warning in result.report.incidents.warnings.iter().filter(|warning| !warnings.contains(warning)) {
         tracing::warn!("{warning}");
     }
@@ -99,9 +98,10 @@ fn read_failed(file: &Path, faults: Vec<Diagnostic>) -> Failure {
     failure
 }
 
-pub(super) fn run_failure(error: &RunError) -> Failure {
-    let failure = if error.is_bad_input() { Failure::bad_input } else { Failure::failed };
-    Failure { lines: error.lines(), ..failure(String::new()) }
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Self {
+        Self { status: if error.is_bad_input() { BAD_INPUT } else { NOT_REACHED }, lines: error.lines() }
+    }
 }
 
 /// Wall time in folder names, `20260101T000000Z`.

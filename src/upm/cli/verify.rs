@@ -7,7 +7,6 @@ use super::args::Common;
 use super::export::{differing_files, episodes_in};
 use super::output::{Failure, INTERRUPTED, NOT_REACHED, print, stop_on_interrupt};
 use super::progress::{LateProgress, RunProgress};
-use super::run::run_failure;
 use super::run_args::RunFolderArgs;
 use super::run_folder::run_folder;
 use upm_runner::run::{Extent, PacingStats, Verification, maker, maker_of, verify as verify_run};
@@ -30,7 +29,7 @@ pub(super) fn verify(args: &RunFolderArgs, common: Common) -> Result<u8, Failure
     if stop.load(Ordering::Relaxed) {
         return Ok(INTERRUPTED);
     }
-    let verdicts = verdicts.map_err(|error| run_failure(&error))?;
+    let verdicts = verdicts?;
     let mut progress = LateProgress::new(common);
     let show = |done, run: &Path| progress.show(done, || run.display().to_string());
     let differ = if is_set { differing_files(&folder, show)? } else { Vec::new() };

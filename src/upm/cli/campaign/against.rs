@@ -9,7 +9,6 @@ use super::args::{CampaignArgs, USUAL_SHARDS};
 use super::progress::CampaignProgress;
 use crate::cli::args::Common;
 use crate::cli::output::{Failure, INTERRUPTED, print};
-use crate::cli::run::run_failure;
 use upm_runner::campaign::{Campaign, CampaignFolder, CampaignRunner, FolderFacts, Pairs, PairsVerdict, RunLine};
 
 /// Pairs that are made before they are looked at; those after the one that decides are not counted.
@@ -30,11 +29,8 @@ pub(super) fn against(
         None => args.campaign(Some(other))?,
     };
     let open = |campaign: &Campaign, name: &str| {
-        let folder = CampaignFolder::open_or_create(
-            &out.join(name),
-            FolderFacts::of(campaign, USUAL_SHARDS, args.judge.as_deref()),
-        );
-        folder.map_err(|error| run_failure(&error))
+        let facts = FolderFacts::of(campaign, USUAL_SHARDS, args.judge.as_deref());
+        CampaignFolder::open_or_create(&out.join(name), facts)
     };
     let this = open(campaign, "this")?;
     let range = args.runs_of(campaign.runs())?;
@@ -42,10 +38,7 @@ pub(super) fn against(
     let (mut pairs, mut done) = (Pairs::new(args.tells), range.start);
     while done < range.end && pairs.verdict == PairsVerdict::Open && !stop.load(Ordering::Relaxed) {
         let batch = done..(done + BATCH).min(range.end);
-        let make = |runner: CampaignRunner<'_>| {
-            let made = runner.run(0..USUAL_SHARDS, batch.clone(), &|line| progress.show(line));
-            made.map_err(|error| run_failure(&error))
-        };
+        let make = |runner: CampaignRunner<'_>| runner.run(0..USUAL_SHARDS, batch.clone(), &|line| progress.show(line));
         make(args.runner(campaign, &this, stop))?;
         let those = match program {
             None => {
@@ -56,7 +49,7 @@ pub(super) fn against(
             Some(program) => {
                 by_program(program, file, &out.join("other"), (batch.start + 1, batch.end), args)?;
                 batch.clone().for_each(|_| progress.show(None));
-                CampaignFolder::open(&out.join("other")).map_err(|error| run_failure(&error))?
+                CampaignFolder::open(&out.join("other"))?
             }
         };
         let [ours, theirs] = [&this, &those].map(|folder| lines(folder, &batch));
@@ -104,7 +97,7 @@ fn lines(folder: &CampaignFolder, range: &std::ops::Range<usize>) -> Result<Hash
     };
     let mut found = HashMap::new();
     for shard in (0..folder.facts.shards).filter(meets) {
-        let (lines, _) = folder.lines_of(shard, &[]).map_err(|error| run_failure(&error))?;
+        let (lines, _) = folder.lines_of(shard, &[])?;
         found.extend(lines.into_iter().map(|line| (line.run - 1, line)));
     }
     Ok(found)

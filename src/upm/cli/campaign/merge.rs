@@ -10,14 +10,11 @@ use super::table;
 use crate::cli::args::Common;
 use crate::cli::export::{ParquetFile, Table};
 use crate::cli::output::{Failure, NOT_REACHED, print};
-use crate::cli::run::run_failure;
 use upm_core::background::on_all_cores;
 use upm_runner::campaign::{CampaignFolder, Figures, RunLine, Summary};
 
 /// Shards that are read at once.
 const SHARDS_AT_ONCE: usize = 16;
-/// Rows of a row group of the table.
-const GROUP_ROWS: usize = 1 << 16;
 
 /// The table of runs: what each is, and the figures that do not depend on the computer.
 static RUNS: LazyLock<Table> = LazyLock::new(|| {
@@ -43,8 +40,7 @@ fn row(line: &RunLine) -> Vec<Value> {
 
 /// Sums up folders of one campaign.
 pub(super) fn merge(args: &MergeArgs, common: Common) -> Result<u8, Failure> {
-    let open = |path: &std::path::PathBuf| CampaignFolder::open(path).map_err(|error| run_failure(&error));
-    let folders = args.folders.iter().map(open).collect::<Result<Vec<_>, _>>()?;
+    let folders = args.folders.iter().map(|path| CampaignFolder::open(path)).collect::<Result<Vec<_>, _>>()?;
     merged(&folders, args.expect, common)
 }
 
@@ -52,7 +48,7 @@ pub(super) fn merge(args: &MergeArgs, common: Common) -> Result<u8, Failure> {
 /// run is without success, or there are not as many as expected.
 pub(super) fn merged(folders: &[CampaignFolder], expect: Option<usize>, common: Common) -> Result<u8, Failure> {
     let Some((first, others)) = folders.split_first() else { return Ok(0) };
-    others.iter().try_for_each(|other| first.check_same(other)).map_err(|error| run_failure(&error))?;
+    others.iter().try_for_each(|other| first.check_same(other))?;
     let (mut summary, mut twice) = (Summary::new(&first.facts), 0);
     let path = first.path().join("runs.parquet");
     let in_table = |error: io::Error| Failure::write(&path, error);
@@ -62,13 +58,11 @@ pub(super) fn merged(folders: &[CampaignFolder], expect: Option<usize>, common: 
     // lines are read on all cores, as many as fit into memory, and counted in their order
     for shards in shards.chunks(SHARDS_AT_ONCE) {
         for read in on_all_cores(shards, &|_| (), |&shard| first.lines_of(shard, others)) {
-            let (lines, doubled) = read.map_err(|error| run_failure(&error))?;
+            let (lines, doubled) = read?;
             twice += doubled;
             for line in &lines {
                 summary.add(line);
-                if table.rows([row(line)]) >= GROUP_ROWS {
-                    table.end_group().map_err(in_table)?;
-                }
+                table.row(row(line)).map_err(in_table)?;
             }
         }
     }

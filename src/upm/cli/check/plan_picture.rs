@@ -98,14 +98,11 @@ fn names(parts: &[PartForecast], color: &impl Fn(usize) -> Color) -> Layer {
 fn legend(forecast: &Forecast, layout: &JobLayout) -> impl Iterator<Item = Layer> {
     let has_targets = forecast.parts.iter().any(|part| part.target.is_some());
     let entries = [
-        ("predicted path", Mark::Line, true),
-        ("target", Mark::Crosses, has_targets),
-        ("wanted path", Mark::Dashes, !layout.paths.is_empty()),
+        Some(("predicted path", Mark::Line)),
+        has_targets.then_some(("target", Mark::Crosses)),
+        (!layout.paths.is_empty()).then_some(("wanted path", Mark::Dashes)),
     ];
-    entries
-        .into_iter()
-        .filter(|(.., is_shown)| *is_shown)
-        .map(|(label, mark, _)| Layer::new(label, mark, Color::Gray, []))
+    entries.into_iter().flatten().map(|(label, mark)| Layer::new(label, mark, Color::Gray, []))
 }
 
 #[cfg(test)]

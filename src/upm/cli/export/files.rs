@@ -23,7 +23,7 @@ const LONGEST_LINE: u64 = 16 << 20;
 
 /// Files and folders that are not whole yet; those that are left are removed.
 #[derive(Default)]
-pub(super) struct Drafts(pub Vec<PathBuf>);
+pub(crate) struct Drafts(pub Vec<PathBuf>);
 
 impl Drop for Drafts {
     fn drop(&mut self) {

@@ -15,6 +15,9 @@ use serde_json::Value;
 
 use super::tables::{Column, Kind, Table};
 
+/// Rows of a row group that ends by itself.
+const GROUP_ROWS: usize = 1 << 16;
+
 /// Apache Parquet file, uncompressed. Values that are no list are optional.
 pub(crate) struct ParquetFile {
     file: SerializedFileWriter<File>,
@@ -29,10 +32,15 @@ impl ParquetFile {
         Ok(Self { file, table, rows: Vec::new() })
     }
 
-    /// Appends rows to the present row group, which is in memory until it ends; returns its number of rows.
-    pub fn rows(&mut self, rows: impl IntoIterator<Item = Vec<Value>>) -> usize {
+    /// Appends rows to the present row group, which is in memory until it ends.
+    pub fn rows(&mut self, rows: impl IntoIterator<Item = Vec<Value>>) {
         self.rows.extend(rows);
-        self.rows.len()
+    }
+
+    /// Appends a row, and ends the row group once it has [`GROUP_ROWS`].
+    pub fn row(&mut self, row: Vec<Value>) -> io::Result<()> {
+        self.rows.push(row);
+        if self.rows.len() < GROUP_ROWS { Ok(()) } else { self.end_group() }
     }
 
     /// Adds text about the file to its metadata.
