@@ -95,6 +95,14 @@ impl SimRig {
         self.probe.clone()
     }
 
+    /// The last exposure's first instant as a picture, also where the camera delivers positions. No measured position
+    /// depends on it.
+    pub fn picture(&mut self) -> Frame {
+        let mut frame = Frame::new(0, 0);
+        self.camera.render(&self.exposure[..1], &mut frame);
+        frame
+    }
+
     /// Plays samples of the motors, whole counts, as a sound card would, with `rest_s` of rest after them: those of
     /// [`Drive::samples`] move the plate exactly as their drive does.
     ///

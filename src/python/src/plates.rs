@@ -11,6 +11,7 @@ use super::refusal::refusal;
 use upm::config::Origin;
 use upm::episode::{Episode, EpisodeParams, Episodes, StepOutcome};
 use upm::run::RunError;
+use upm::signal::Frame;
 use upm::units::mm_from_m;
 
 /// Plates of one description.
@@ -20,6 +21,8 @@ pub struct Plates {
     /// Never waited for: each method has the plates for itself.
     episodes: Mutex<Episodes>,
 }
+
+type Matrix<'py, T> = Bound<'py, PyArray2<T>>;
 
 fn said(error: RunError) -> PyErr {
     refusal(error.lines())
@@ -79,28 +82,38 @@ impl Plates {
     }
 
     /// Observations, a row for each plate.
-    fn observe<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let shape = [self.episodes().each().len(), self.params.observation_len()];
+    fn observe<'py>(&mut self, py: Python<'py>) -> PyResult<Matrix<'py, f64>> {
+        let shape = [self.episodes().episodes.len(), self.params.observation_len()];
         let mut observed = vec![0.0; shape[0] * shape[1]];
         self.episodes().observe(&mut observed);
         PyArray1::from_vec(py, observed).reshape(shape)
     }
 
     /// Our planner's actions, a row for each plate.
-    fn expert<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let shape = [self.episodes().each().len(), self.params.action_bounds().len()];
+    fn expert<'py>(&mut self, py: Python<'py>) -> PyResult<Matrix<'py, f64>> {
+        let shape = [self.episodes().episodes.len(), self.params.action_bounds.len()];
         PyArray1::from_vec(py, py.detach(|| self.episodes().expert())).reshape(shape)
     }
 
     /// Least and largest value of each number of an action.
-    fn action_bounds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let bounds = self.params.action_bounds();
+    fn action_bounds<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py, f64>> {
+        let bounds = &self.params.action_bounds;
         PyArray1::from_iter(py, bounds.iter().copied().flatten()).reshape([bounds.len(), 2])
     }
 
     /// Hash of each plate's journal since it got its last seed.
     fn journal_hashes(&mut self) -> Vec<String> {
-        self.episodes().each().iter().map(Episode::journal_hash).collect()
+        self.episodes().episodes.iter().map(Episode::journal_hash).collect()
+    }
+
+    /// The picture of plate number `index`, and its targets in it, px.
+    fn picture<'py>(&mut self, py: Python<'py>, index: usize) -> PyResult<(Matrix<'py, u8>, Matrix<'py, f64>)> {
+        let beyond = || PyValueError::new_err(format!("no plate has the number {index}"));
+        let episode = self.episodes().episodes.get_mut(index).ok_or_else(beyond)?;
+        let (Frame { width, height, pixels, .. }, targets_px) = py.detach(|| episode.picture());
+        let targets_px = PyArray1::from_iter(py, targets_px.iter().flat_map(|at_px| [at_px.x, at_px.y]));
+        let rows = targets_px.len()? / 2;
+        Ok((PyArray1::from_vec(py, pixels).reshape([height, width])?, targets_px.reshape([rows, 2])?))
     }
 
     #[getter]
@@ -110,7 +123,7 @@ impl Plates {
 
     #[getter]
     fn plate_side_mm(&self) -> f64 {
-        mm_from_m(self.params.job().rig.model.plate_side_m)
+        mm_from_m(self.params.job.rig.model.plate_side_m)
     }
 }
 

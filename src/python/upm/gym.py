@@ -5,6 +5,8 @@ cores.
 
 - Observation: for each part x and y of its position, then of each target, in halves of the plate's side; then of each
   mean velocity over the last step, in halves of the side a second; as the camera sees them.
+  With `render_mode="rgb_array"` there are pictures, too, with a cross at each target, which Gymnasium's
+  `AddRenderObservation` makes observations.
 - Action, numbers from -1 to 1, by `action`: "motion" are shares of the spans of a synthesised motion's coefficients (x, y
   and spin; for each in turn cos and sin of every harmonic), then its length; "pulse" stands for the number of a rotation
   in the library and its signed distance; "steps" are the wanted steps of all parts, x and y, in sides of the plate, with
@@ -28,6 +30,8 @@ _BINS = [
     {"kinds": ["quarter"], "region_mm": {"min": [30, -60], "max": [130, 60]}},
 ]
 _SEEN = (-4.0, 4.0)
+# of a cross at a target
+_ARM_PX = 10
 _TASKS = {
     "arrange": ({"type": "arrange"}, 4, "Move every part to its target."),
     "sort": ({"type": "sort", "bins": _BINS}, 8, "Move every part into the bin of its kind."),
@@ -83,10 +87,18 @@ class _Spaces:
         return np.clip(observations / self.half_side_mm, *_SEEN).astype(np.float32)
 
 
+def _painted(picture, targets_px):
+    painted = np.repeat(picture[:, :, None], 3, axis=2)
+    for x, y in np.clip(np.rint(targets_px).astype(int), 0, picture.shape[::-1]):
+        for dx, dy in ((_ARM_PX, 1), (1, _ARM_PX)):
+            painted[max(y - dy, 0) : y + dy + 1, max(x - dx, 0) : x + dx + 1] = (255, 0, 0)
+    return painted
+
+
 class PlateEnv(gymnasium.Env):
     """One plate. Keywords as in the module's text: `task`, `parts`, `action`, `tolerance_mm`, `plate_time_s`, `rig`."""
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 3}
 
     def __init__(self, task="arrange", *, action="motion", render_mode=None, **how):
         self.render_mode = render_mode
@@ -112,6 +124,10 @@ class PlateEnv(gymnasium.Env):
         """Our planner's action in the present state, which it knows better than `obs`."""
         return self._spaces.shares(self._plates.expert()[0])
 
+    def render(self):
+        """The camera's picture, a red cross at each target: (height, width, 3), uint8, with `render_mode="rgb_array"`."""
+        return _painted(*self._plates.picture(0)) if self.render_mode else None
+
     def journal_hash(self):
         """Hash of seed, actions and true places since the last seed was given."""
         return self._plates.journal_hashes()[0]
@@ -126,7 +142,7 @@ class PlateVectorEnv(gymnasium.vector.VectorEnv):
     Plate i of seed s is the plate of seed s + i, whatever the number of plates and threads.
     """
 
-    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+    metadata = PlateEnv.metadata | {"autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(self, num_envs=1, task="arrange", *, action="motion", render_mode=None, **how):
         self.num_envs, self.render_mode = num_envs, render_mode
@@ -151,6 +167,10 @@ class PlateVectorEnv(gymnasium.vector.VectorEnv):
     def expert(self, obs=None):
         """Our planner's actions, a row for each plate."""
         return self._spaces.shares(self._plates.expert())
+
+    def render(self):
+        """The picture of each plate, as that of a plate alone."""
+        return tuple(_painted(*self._plates.picture(i)) for i in range(self.num_envs)) if self.render_mode else None
 
     def journal_hashes(self):
         """Hash of each plate's seeds, actions and true places."""

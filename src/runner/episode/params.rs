@@ -13,13 +13,17 @@ use upm_planning::cor_library::Library;
 /// Description of episodes, which many share.
 #[derive(Clone, Debug)]
 pub struct EpisodeParams {
-    pub(super) job: JobSpec,
+    /// The job with rig, parts, tolerance and time limit.
+    pub job: JobSpec,
     pub(super) library: Arc<Library>,
     /// True if targets are drawn; those of the job's task else.
     pub(super) is_drawn: bool,
-    task: EpisodeTask,
-    action: ActionKind,
-    action_bounds: Vec<[f64; 2]>,
+    /// Task of the episodes.
+    pub task: EpisodeTask,
+    /// Meaning of the actions.
+    pub action: ActionKind,
+    /// Least and largest value of each number of an action.
+    pub action_bounds: Vec<[f64; 2]>,
 }
 
 impl EpisodeParams {
@@ -74,29 +78,9 @@ impl EpisodeParams {
         })
     }
 
-    /// The job with rig, parts, tolerance and time limit.
-    pub fn job(&self) -> &JobSpec {
-        &self.job
-    }
-
-    /// Task of the episodes.
-    pub fn task(&self) -> EpisodeTask {
-        self.task
-    }
-
-    /// Meaning of the actions.
-    pub fn action(&self) -> ActionKind {
-        self.action
-    }
-
     /// Number of parts.
     pub fn parts(&self) -> usize {
         self.job.kinds_of_parts().len()
-    }
-
-    /// Least and largest value of each number of an action.
-    pub fn action_bounds(&self) -> &[[f64; 2]] {
-        &self.action_bounds
     }
 
     /// Numbers of an observation: positions, mm, targets, mm, and mean velocities over the last step, mm/s, of all

@@ -12,7 +12,8 @@ use upm_sim::SimRig;
 ///
 /// Parts are measured where the camera without pixels sees them, relative to the plate. Their identity is the rig's.
 pub(super) struct SteppedPlate {
-    rig: SimRig,
+    /// The rig, whose camera takes no pictures unless one is asked for.
+    pub rig: SimRig,
     model: RigModel,
     probe: GroundTruthHandle,
     frame: Frame,
@@ -53,6 +54,11 @@ impl SteppedPlate {
     pub fn true_m(&self) -> impl Iterator<Item = Vec2> {
         let GroundTruth { parts, plate_in_table, .. } = &self.truth;
         parts.iter().map(|part| plate_in_table.apply_inverse(part.part_in_table.position_m))
+    }
+
+    /// Image of a place on the plate, m, px.
+    pub fn image_of(&self, place_m: Vec2) -> Vec2 {
+        self.rig.image_from_table(self.truth.plate_in_table.apply(place_m), 0.0)
     }
 
     /// Plays `drive`, if there is one, until the parts are seen at rest; else until the next frame.

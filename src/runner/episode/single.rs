@@ -13,6 +13,7 @@ use upm_control::GainEstimator;
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
 use upm_core::rig::RigError;
+use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
 use upm_planning::planner::{PartState, PlanningMethod};
 use upm_planning::task::Task;
@@ -107,13 +108,13 @@ impl Episode {
         let before_m = self.mean_distance_m();
         self.plate.play(drive.as_ref())?;
         self.expert = None;
-        if let Some(pulse) = pulse.filter(|_| self.params.action() == ActionKind::Steps) {
+        if let Some(pulse) = pulse.filter(|_| self.params.action == ActionKind::Steps) {
             let forecast = |parts: &[PartState]| self.planner.forecast(parts, &pulse);
             self.gains.learn_pulse(&pulse, &at_rest, &self.plate.seen_m, &forecast);
         }
         let closer = (before_m - self.mean_distance_m()) / (0.5 * self.params.job.rig.model.plate_side_m);
         let has_fallen = !self.plate.truth.parts.iter().all(|part| part.on_plate);
-        let is_stream = self.params.task() == EpisodeTask::Stream;
+        let is_stream = self.params.task == EpisodeTask::Stream;
         let arrived = if is_stream && !has_fallen { self.renew_targets() } else { 0 };
         let is_success = arrived > 0 || !is_stream && !has_fallen && self.is_done();
         let bonus = if is_stream { arrived as f64 } else { f64::from(u8::from(is_success)) };
@@ -167,6 +168,11 @@ impl Episode {
         self.expert.insert(action).clone()
     }
 
+    /// The camera's picture of the plate at rest, and the targets in it, px.
+    pub fn picture(&mut self) -> (Frame, Vec<Vec2>) {
+        (self.plate.rig.picture(), self.targets_m.iter().map(|target_m| self.plate.image_of(*target_m)).collect())
+    }
+
     /// SHA-256 over the seed, every action and the bits of all true positions since the last seed was given, in
     /// hexadecimal digits.
     pub fn journal_hash(&self) -> String {
@@ -183,7 +189,7 @@ impl Episode {
 
     fn task_of(&self, spec: &TaskSpec) -> Box<dyn Task + Send> {
         let EpisodeParams { job, library, .. } = &*self.params;
-        let by_rotations = self.params.action() == ActionKind::Pulse;
+        let by_rotations = self.params.action == ActionKind::Pulse;
         let method = if by_rotations { PlanningMethod::CorSequence } else { PlanningMethod::SynthesizedField };
         task(job, spec, library, &self.plate.parts, method)
     }

@@ -59,7 +59,7 @@ fn journals_are_equal_for_any_number_of_threads_and_episodes_and_go_on_after_an_
                 episodes.step(&steps[..4 * number]).unwrap().iter().filter(|outcome| outcome.was_reset).count()
             })
             .sum();
-        (episodes.each().iter().map(Episode::journal_hash).collect::<Vec<_>>(), ended)
+        (episodes.episodes.iter().map(Episode::journal_hash).collect::<Vec<_>>(), ended)
     };
     let (together, ended) = hashes(8, 5, 3);
     assert!(ended > 0 && together[4] != together[6], "{ended}");
@@ -96,7 +96,7 @@ proptest! {
         value in prop_oneof![any::<f64>(), -400.0..400.0f64, Just(f64::NAN)], share in 0.0..=1.0f64,
     ) {
         let params = drawn("arrange", 1, kind.code());
-        let (mut episode, bounds) = (Episode::new(&params, 11).unwrap(), params.action_bounds());
+        let (mut episode, bounds) = (Episode::new(&params, 11).unwrap(), &params.action_bounds);
         let (before, at) = (episode.journal_hash(), at % bounds.len());
         let mut action: Vec<f64> = bounds.iter().map(|[least, most]| (least + share * (most - least)).trunc()).collect();
         let is_whole = kind != ActionKind::Pulse || at > 0 || value.fract() == 0.0;

@@ -16,7 +16,8 @@ const MOST_EPISODES: usize = 4096;
 /// Autoreset is Gymnasium's NEXT_STEP: the step after an end ignores its action and begins a new episode.
 pub struct Episodes {
     params: Arc<EpisodeParams>,
-    episodes: Vec<Episode>,
+    /// The episodes.
+    pub episodes: Vec<Episode>,
     threads: usize,
 }
 
@@ -57,7 +58,7 @@ impl Episodes {
             }
             episode.play(action)
         };
-        let all = self.episodes.iter_mut().zip(actions.chunks_exact(self.params.action_bounds().len()));
+        let all = self.episodes.iter_mut().zip(actions.chunks_exact(self.params.action_bounds.len()));
         on_threads(self.threads, all, &|_| (), step).into_iter().collect()
     }
 
@@ -70,10 +71,5 @@ impl Episodes {
     /// The planners' actions, one after another.
     pub fn expert(&mut self) -> Vec<f64> {
         on_threads(self.threads, self.episodes.iter_mut(), &|_| (), Episode::expert).concat()
-    }
-
-    /// The episodes.
-    pub fn each(&self) -> &[Episode] {
-        &self.episodes
     }
 }
