@@ -176,6 +176,7 @@ def main():
     with tempfile.TemporaryDirectory(prefix="upm-engines-") as scratch:
         scratch = pathlib.Path(scratch)
         text = json.loads((ROOT / "configs/campaigns/planners.json").read_text()) | {"seeds": "1..6"}
+        text["job"]["parts"][0]["count"] = {"$each": [2, 4, 8]}
         text["job"]["rig"] = str(ROOT / "configs/rigs/upm-2.json")
         file = scratch / "campaign.json"
         file.write_text(json.dumps(text))
