@@ -136,6 +136,7 @@ fn read_out_of_pulses_has_the_figures_of_the_documents() {
     let mut page = FigurePage::open("docs/results.md");
     page.passage("natural frequencies within", "of the rig file's", &[natural, damping]);
     page.assert_as_measured();
+    assert!(weak.get("force signs wrong, of 10000") == 0.0 && largest("FFT amplitude at", true) < 5e-3);
 }
 
 #[test]

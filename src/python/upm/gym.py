@@ -10,7 +10,7 @@ cores.
 - Action, numbers from -1 to 1, by `action`: "motion" are shares of the spans of a synthesised motion's coefficients (x, y
   and spin; for each in turn cos and sin of every harmonic), then its length; "pulse" stands for the number of a rotation
   in the library and its signed distance; "steps" are the wanted steps of all parts, x and y, in sides of the plate, with
-  our planner below them.
+  our planner below them, which learns how far each part goes.
 - Reward: the decrease of the parts' mean distance from their targets, in halves of the plate's side, plus 1 for success
   (in a stream, for each arrival); -1 for a part that falls off.
 """
