@@ -25,10 +25,7 @@ pub use types::{AccelerometerPair, AxisPhasors, Coefficients, FitError, PlateFit
 pub use wave::fit_wave;
 pub use window::{MAX_PERIODS, SteadyWindow, accelerations_mps2, sustain_window};
 
-use nalgebra::Complex;
-
-use upm_core::geometry::Twist;
-use upm_core::signal::{AccelTrace, Envelope, TwistHarmonic, TwistWave};
+use upm_core::signal::{AccelTrace, Envelope, TwistWave};
 
 /// Smallest amplitude of the first or second harmonic that can be evaluated, m/s²; a part slips from about 1.7 m/s² on.
 pub const WEAKEST_MPS2: f64 = 0.3;
@@ -71,9 +68,6 @@ fn refuse_cut_short(trace: &AccelTrace, envelope: &Envelope) -> Result<(), FitEr
 
 /// The first two harmonics of `wave` as phasors of x, y and spin; missing harmonics are zero.
 pub fn axis_phasors(wave: &TwistWave) -> [AxisPhasors; 3] {
-    let harmonic = |k: usize| wave.harmonics.get(k).copied().unwrap_or_default();
-    let (first, second) = (harmonic(0), harmonic(1));
-    let part = |axis: usize, twist: Twist| [twist.velocity_mps.x, twist.velocity_mps.y, twist.spin_radps][axis];
-    let phasor = |axis: usize, h: TwistHarmonic| Complex::new(part(axis, h.cos), -part(axis, h.sin));
-    std::array::from_fn(|axis| AxisPhasors { first: phasor(axis, first), second: phasor(axis, second) })
+    let [first, second] = [0, 1].map(|k| wave.harmonics.get(k).copied().unwrap_or_default().phasor());
+    std::array::from_fn(|axis| AxisPhasors { first: first[axis], second: second[axis] })
 }

@@ -165,10 +165,10 @@ fn bad_traces_are_refused() {
     assert!(matches!(fit(&cut, &PULSE, R1_M), Err(FitError::CutShort { .. })));
     let mut gap = trace.clone();
     gap.counts[3][400] = MISSING_SAMPLE;
-    assert_eq!(fit(&gap, &PULSE, R1_M), Err(FitError::Missing { channel: 3, samples: 1 }));
+    assert_eq!(fit(&gap, &PULSE, R1_M), Err(FitError::Missing { channel: "y2", samples: 1 }));
     let mut clipped = trace.clone();
     clipped.counts[0][400..403].fill(-1024);
-    assert_eq!(fit(&clipped, &PULSE, R1_M), Err(FitError::Clipped { channel: 0, samples: 3, limit: 1023 }));
+    assert_eq!(fit(&clipped, &PULSE, R1_M), Err(FitError::Clipped { channel: "x1", samples: 3, limit: 1023 }));
     let still = AccelTrace { counts: trace.counts.clone().map(|c| vec![4; c.len()]), ..trace };
     assert!(matches!(fit(&still, &PULSE, R1_M), Err(FitError::TooWeak { .. })));
 }

@@ -1,7 +1,7 @@
 use nalgebra::Complex;
 
 use upm_core::geometry::{Twist, Vec2};
-use upm_core::signal::{CHANNEL_NAMES, CHANNELS, TwistWave};
+use upm_core::signal::{CHANNELS, TwistWave};
 
 /// Acceleration coefficients c1, s1, c2, s2 of one channel (Eq. 12), m/s².
 pub type Coefficients = [f64; 4];
@@ -11,7 +11,7 @@ pub type Coefficients = [f64; 4];
 pub struct AccelerometerPair {
     /// Position of accelerometer 1 on the plate, m; accelerometer 2 is opposite.
     pub position_m: Vec2,
-    /// Reading over true acceleration, in the order of [`CHANNEL_NAMES`].
+    /// Reading over true acceleration, in the order of [`CHANNEL_NAMES`](upm_core::signal::CHANNEL_NAMES).
     pub gain: [f64; CHANNELS],
 }
 
@@ -123,26 +123,20 @@ pub enum FitError {
         needed_s: f64,
     },
     /// Samples at the converter's limit.
-    #[error(
-        "counts.{}: expected no clipped sample among those read, found {samples} at {limit}",
-        CHANNEL_NAMES.get(*channel).unwrap_or(&"?")
-    )]
+    #[error("counts.{channel}: expected no clipped sample among those read, found {samples} at {limit}")]
     Clipped {
-        /// Index of the channel.
-        channel: usize,
+        /// Name of the channel.
+        channel: &'static str,
         /// Number of clipped samples.
         samples: usize,
         /// The converter's limit, counts.
         limit: i16,
     },
     /// Samples that never arrived.
-    #[error(
-        "counts.{}: expected no missing sample among those read, found {samples}",
-        CHANNEL_NAMES.get(*channel).unwrap_or(&"?")
-    )]
+    #[error("counts.{channel}: expected no missing sample among those read, found {samples}")]
     Missing {
-        /// Index of the channel.
-        channel: usize,
+        /// Name of the channel.
+        channel: &'static str,
         /// Number of missing samples.
         samples: usize,
     },

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use super::FitError;
-use upm_core::signal::{AccelTrace, CHANNELS, Envelope, MISSING_SAMPLE};
+use upm_core::signal::{AccelTrace, CHANNEL_NAMES, CHANNELS, Envelope, MISSING_SAMPLE};
 
 /// Most base periods in one fit. The plate's own resonance, excited by the attack, decays through the sustain; a short
 /// polynomial follows it over three periods, but not over six.
@@ -72,7 +72,7 @@ fn sample_index(trace: &AccelTrace, t_s: f64) -> usize {
 /// interpolated it would be wrong without any indication. Samples beyond the end of the trace are missing.
 pub fn accelerations_mps2(trace: &AccelTrace, window: &SteadyWindow) -> Result<[Vec<f64>; CHANNELS], FitError> {
     let mut accelerations = [const { Vec::new() }; CHANNELS];
-    for (channel, (counts, out)) in trace.counts.iter().zip(&mut accelerations).enumerate() {
+    for ((channel, counts), out) in CHANNEL_NAMES.into_iter().zip(&trace.counts).zip(&mut accelerations) {
         let counts = counts.get(window.samples.clone()).unwrap_or_default();
         let missing =
             counts.iter().filter(|&&count| count == MISSING_SAMPLE).count() + window.samples.len() - counts.len();
@@ -136,9 +136,9 @@ mod tests {
         for (at, count, fault) in [
             (299, MISSING_SAMPLE, None),
             (600, 1023, None),
-            (300, MISSING_SAMPLE, Some(FitError::Missing { channel: 2, samples: 1 })),
-            (599, 1023, Some(FitError::Clipped { channel: 2, samples: 1, limit: 1023 })),
-            (400, -1024, Some(FitError::Clipped { channel: 2, samples: 1, limit: 1023 })),
+            (300, MISSING_SAMPLE, Some(FitError::Missing { channel: "x2", samples: 1 })),
+            (599, 1023, Some(FitError::Clipped { channel: "x2", samples: 1, limit: 1023 })),
+            (400, -1024, Some(FitError::Clipped { channel: "x2", samples: 1, limit: 1023 })),
         ] {
             let mut trace = is_silent(1000);
             trace.counts[2][at] = count;
