@@ -1,5 +1,5 @@
 use super::binned::{BinnedImage, UNITS};
-use super::classifier::{LEAST_SCORE, PartClassifier, kernel_radius_px, overlap, reach_px};
+use super::classifier::{LEAST_SCORE, PartClassifier, kernel_radii_px, overlap};
 use super::disk::DiskKernel;
 use super::outline::PlateCells;
 use super::rim::RimFit;
@@ -36,10 +36,7 @@ const SETTLED_PX: f64 = 0.1;
 /// convolved with a solid disk of each kind's radius; its peaks are candidates, whose rims are measured in the full
 /// frame (UPM paper, section 3.4; equation sheet, section 7).
 pub struct CoinFinder {
-    table: Table,
-    classifier: PartClassifier,
-    /// Disk of each kind, px.
-    disks: Vec<DiskKernel>,
+    pub(super) classifier: PartClassifier,
     /// Disk of each kind, cells.
     binned: Vec<DiskKernel>,
     frame_size: [usize; 2],
@@ -70,17 +67,14 @@ impl CoinFinder {
     /// For frames of `frame_size` (columns, rows), these kinds of parts, `dark_parts` where parts are darker than the
     /// plate. Kernels take the plate's mean scale.
     pub fn new(table: &Table, frame_size: [usize; 2], kinds: &[PartKind], dark_parts: bool) -> Self {
-        let scale = table.mean_px_per_m();
-        let radii: Vec<f64> = kinds.iter().map(|kind| kernel_radius_px(table, kind, scale)).collect();
+        let radii = kernel_radii_px(table, kinds);
         let bin = bin_for(table, frame_size, &radii);
         // A cell across the edge contains some of the ground.
         let plate = PlateCells::new(table, frame_size, bin, 2.0 + 0.75 * bin as f64);
         let [width, height] = plate.size;
         let binned: Vec<DiskKernel> = radii.iter().map(|radius| DiskKernel::new(radius / bin as f64)).collect();
         Self {
-            table: table.clone(),
-            classifier: PartClassifier::new(kinds, dark_parts),
-            disks: radii.iter().map(|&radius| DiskKernel::new(radius)).collect(),
+            classifier: PartClassifier::new(table, kinds, dark_parts),
             frame_size,
             plate,
             sums: RunLengthSums::new(width, height, &binned),
@@ -95,11 +89,11 @@ impl CoinFinder {
     /// frame of another size than given to [`Self::new`].
     pub fn find(&mut self, frame: &Frame) -> Vec<Detection> {
         self.strongest = 0.0;
-        if let Some(found) = self.classifier.measured(frame, &self.table) {
+        if let Some(found) = self.classifier.measured(frame) {
             return found;
         }
         let Some(sampler) = Sampler::new(frame) else { return Vec::new() };
-        if [frame.width, frame.height] != self.frame_size || self.plate.spans.is_empty() || self.disks.is_empty() {
+        if [frame.width, frame.height] != self.frame_size || self.plate.spans.is_empty() || self.binned.is_empty() {
             return Vec::new();
         }
         let picture = BinnedImage::part_of(frame, self.plate.bin, self.plate.corner, self.plate.size);
@@ -201,27 +195,21 @@ impl CoinFinder {
         picture: &BinnedImage,
         candidate: &DiskCandidate,
     ) -> Option<CandidatePart> {
+        let Self { classifier, .. } = self;
         let center_px = picture.frame_from_cell(self.place(candidate));
         let kind = candidate.kind;
-        let foot_m = self.classifier.foot_below(&self.table, kind, center_px);
-        let close = |kind: usize, foot_m| {
-            let reach_px = reach_px(self.disks[kind].reach() as f64);
-            self.classifier.rim.fit::<9>(sampler, &self.table, self.classifier.kinds.get(kind)?, foot_m, reach_px)
-        };
-        let wide = || {
-            let reach_px = (0.2 * self.disks[kind].reach() as f64).max(5.0);
-            self.classifier.rim.fit::<25>(sampler, &self.table, self.classifier.kinds.get(kind)?, foot_m, reach_px)
-        };
-        let first = close(kind, foot_m).or_else(wide)?;
+        let foot_m = classifier.foot_below(kind, center_px);
+        let close = |kind: usize, foot_m| classifier.close_rim(sampler, kind, foot_m);
+        let first = close(kind, foot_m).or_else(|| classifier.wide_rim(sampler, kind, foot_m))?;
         let (kind, fit) = self.settled(first, close)?;
-        let radius_m = self.classifier.kinds.get(kind)?.radius_m;
+        let radius_m = classifier.kinds.get(kind)?.radius_m;
         let variance_px2 = fit.covariance_px2.symmetric_eigenvalues().max();
         if variance_px2 > LARGEST_VARIANCE_PX2 || (fit.radius_m / radius_m - 1.0).abs() > RADIUS_TOLERANCE {
             return None;
         }
-        let part = self.classifier.detection(frame, &fit, kind, &self.disks[kind])?;
-        let on_plate = self.table.holds(part.position_m, 0.75 * radius_m);
-        let beyond = fit.radius_m + FILLED_WITHIN_PX / self.table.px_per_m_at(fit.foot_m);
+        let part = classifier.detection(frame, &fit, kind)?;
+        let on_plate = classifier.table.holds(part.position_m, 0.75 * radius_m);
+        let beyond = fit.radius_m + FILLED_WITHIN_PX / classifier.table.px_per_m_at(fit.foot_m);
         let gap: Vec<Vec2> = fit.gap().map(|ray| fit.foot_m + ray * beyond).collect();
         let gap = if gap.len() > WIDEST_GAP { gap } else { Vec::new() };
         (on_plate && part.score >= LEAST_SCORE).then_some(CandidatePart { part, agreeing: fit.agreeing, gap })
@@ -249,12 +237,13 @@ impl CoinFinder {
 
     /// True at a place within or nearly within a part, or beyond the plate's edge.
     fn is_filled(&self, place_m: Vec2, parts: &[Detection]) -> bool {
-        let margin_m = FILLED_WITHIN_PX / self.table.mean_px_per_m();
+        let PartClassifier { table, kinds, .. } = &self.classifier;
+        let margin_m = FILLED_WITHIN_PX / table.mean_px_per_m();
         let covers = |part: &Detection| {
-            let radius_m = self.classifier.kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m);
+            let radius_m = kinds.get(part.kind).map_or(0.0, |kind| kind.radius_m);
             (part.position_m - place_m).norm() < radius_m + margin_m
         };
-        !self.table.holds(place_m, 0.5 * margin_m) || parts.iter().any(covers)
+        !table.holds(place_m, 0.5 * margin_m) || parts.iter().any(covers)
     }
 
     /// Measures a rim again as the kind and from the centre that the last fit gave, until neither changes: with a

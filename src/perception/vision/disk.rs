@@ -10,7 +10,7 @@ const CHORDS: usize = 12;
 pub(super) struct DiskKernel {
     /// Half chord of row `dy`, at index `|dy|`; the chord runs over `2 half + 1` cells. By symmetry also that of
     /// columns.
-    half: Vec<usize>,
+    pub(super) half: Vec<usize>,
     /// Number of cells.
     pub(super) area: usize,
 }
@@ -30,11 +30,6 @@ impl DiskKernel {
         self.half.len() - 1
     }
 
-    /// Half chord `dy` rows off the middle, `None` beyond the disk.
-    pub(super) fn half_chord(&self, dy: i64) -> Option<usize> {
-        self.half.get(dy.unsigned_abs() as usize).copied()
-    }
-
     /// The place nearest to `(x, y)` where the disk and one pixel around it fit the frame; `None` where there is no
     /// such place.
     pub(super) fn fitted(&self, frame: &Frame, x: i64, y: i64) -> Option<(usize, usize)> {
@@ -47,16 +42,11 @@ impl DiskKernel {
     /// Mean gray level at a place where the disk fits; of large disks, over every few rows.
     pub(super) fn mean(&self, frame: &Frame, x: usize, y: usize) -> f64 {
         let (mut sum, mut cells) = (0, 0);
-        let mut add = |row: usize, half: usize| {
+        self.each_chord(y, 2 * self.stride() - 1, |row, half| {
             let chord = &frame.row(row)[x - half..=x + half];
             sum += chord.iter().map(|&level| u32::from(level)).sum::<u32>();
             cells += chord.len();
-        };
-        add(y, self.half[0]);
-        for (dy, &half) in self.half.iter().enumerate().step_by(2 * self.stride() - 1).skip(1) {
-            add(y - dy, half);
-            add(y + dy, half);
-        }
+        });
         f64::from(sum) / cells as f64
     }
 
@@ -65,37 +55,38 @@ impl DiskKernel {
         (self.reach() / CHORDS).max(1)
     }
 
+    /// Calls `each` with the row and the half length of every `stride`-th chord of a disk in the middle of row `at`; by
+    /// symmetry also with columns.
+    #[inline]
+    fn each_chord(&self, at: usize, stride: usize, mut each: impl FnMut(usize, usize)) {
+        each(at, self.half[0]);
+        for (off, &half) in self.half.iter().enumerate().step_by(stride).skip(1) {
+            each(at - off, half);
+            each(at + off, half);
+        }
+    }
+
     /// Change of the sum over the sampled chords when the disk moves by a column, left and right: the pixels that enter
     /// less those that leave.
     fn step_columns(&self, frame: &Frame, x: usize, y: usize) -> [i32; 2] {
         let (mut left, mut right) = (0, 0);
-        let mut add = |row: usize, half: usize| {
+        self.each_chord(y, self.stride(), |row, half| {
             let chord = &frame.row(row)[x - half - 1..=x + half + 1];
             let (first, last) = (i32::from(chord[1]), i32::from(chord[chord.len() - 2]));
             left += i32::from(chord[0]) - last;
             right += i32::from(chord[chord.len() - 1]) - first;
-        };
-        add(y, self.half[0]);
-        for (dy, &half) in self.half.iter().enumerate().step_by(self.stride()).skip(1) {
-            add(y - dy, half);
-            add(y + dy, half);
-        }
+        });
         [left, right]
     }
 
     /// Change of the sum over sampled columns when the disk moves by a row, up and down.
     fn step_rows(&self, frame: &Frame, x: usize, y: usize) -> [i32; 2] {
         let (mut up, mut down) = (0, 0);
-        let mut add = |column: usize, half: usize| {
+        self.each_chord(x, self.stride(), |column, half| {
             let at = |row: usize| i32::from(frame.pixels[row * frame.width + column]);
             up += at(y - half - 1) - at(y + half);
             down += at(y + half + 1) - at(y - half);
-        };
-        add(x, self.half[0]);
-        for (dx, &half) in self.half.iter().enumerate().step_by(self.stride()).skip(1) {
-            add(x - dx, half);
-            add(x + dx, half);
-        }
+        });
         [up, down]
     }
 }

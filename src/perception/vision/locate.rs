@@ -51,11 +51,8 @@ pub enum TableError {
         height: usize,
     },
     /// The plate's side is not a positive, finite length.
-    #[error("plate of side {side_m} m: a positive length is needed")]
-    BadSide {
-        /// Given side, m.
-        side_m: f64,
-    },
+    #[error("plate of side {0} m: a positive length is needed")]
+    BadSide(f64),
     /// Invalid lens: a number that is not finite, a focal length that is not positive.
     #[error("invalid lens parameters")]
     BadLens,
@@ -63,11 +60,8 @@ pub enum TableError {
     #[error("no edges stand out in the picture")]
     NoEdges,
     /// There are edges, but too few straight lines.
-    #[error("only {found} straight lines found, a table has 4")]
-    TooFewLines {
-        /// Number of lines found.
-        found: usize,
-    },
+    #[error("only {0} straight lines found, a table has 4")]
+    TooFewLines(usize),
     /// There are lines, but no four that make a square lighter or darker than the ground.
     #[error("no four lines make a square that is lighter or darker than the ground")]
     NotASquare,
@@ -88,12 +82,9 @@ pub enum TableError {
     /// Part of the table is outside the picture.
     #[error("the table is cut by the picture's border")]
     CutByFrame,
-    /// Too little of a side is visible.
-    #[error("the {side} side of the table is hidden")]
-    SideHidden {
-        /// Its name: `top`, `right`, `bottom`, `left`.
-        side: &'static str,
-    },
+    /// Too little of a side is visible: `top`, `right`, `bottom` or `left`.
+    #[error("the {0} side of the table is hidden")]
+    SideHidden(&'static str),
     /// The frame has positions in place of pixels, and a corner is hidden.
     #[error("a corner of the table is hidden")]
     CornerHidden,
@@ -181,7 +172,7 @@ fn check(frame: &Frame, lens: &Lens, side_m: f64) -> Result<(), TableError> {
         return Err(TableError::TooSmall { width, height });
     }
     if !(side_m > 0.0 && side_m.is_finite()) {
-        return Err(TableError::BadSide { side_m });
+        return Err(TableError::BadSide(side_m));
     }
     let numbers = lens.radial.iter().chain(&lens.tangential).chain(lens.principal_px.iter());
     if !(lens.focal_px > 0.0 && lens.focal_px.is_finite() && numbers.clone().all(|x| x.is_finite())) {
@@ -254,7 +245,7 @@ fn no_quad(lines: &[DetectedLine], seen: &LineEvidence, nearest: Option<String>)
     if lines.iter().take(4).filter(|strong| leaves(&strong.line)).count() >= 2 {
         TableError::CutByFrame
     } else if lines.len() < 4 {
-        TableError::TooFewLines { found: lines.len() }
+        TableError::TooFewLines(lines.len())
     } else {
         nearest.map_or(TableError::NotASquare, TableError::AlmostASquare)
     }
@@ -285,7 +276,7 @@ fn from_sides(
     let mut sides = [HoughLine { normal: Vec2::x(), offset: 0.0 }; 4];
     for (i, line) in sides.iter_mut().enumerate() {
         let (from, to) = (corners[i], corners[(i + 1) % 4]);
-        *line = side(from, to).ok_or_else(|| TableError::SideHidden { side: name_of(from, to) })?;
+        *line = side(from, to).ok_or_else(|| TableError::SideHidden(name_of(from, to)))?;
     }
     let mut met = corners;
     for (i, corner) in met.iter_mut().enumerate() {

@@ -39,9 +39,6 @@ impl RunLengthSums {
     /// Loads rows of `width` values of 0 to 1, each written by `fill`.
     pub(super) fn load(&mut self, mut fill: impl FnMut(usize, &mut [f32])) {
         let (width, margin) = (self.width, self.margin);
-        if width == 0 {
-            return;
-        }
         let stride = width + 2 * margin + 1;
         for (y, sums) in self.sums.chunks_exact_mut(stride).enumerate() {
             fill(y, &mut self.values);
@@ -57,16 +54,13 @@ impl RunLengthSums {
     /// Mean of the loaded values under `disk`, one of those of [`Self::new`], at every cell; 0 beyond the rectangle.
     pub(super) fn respond(&mut self, disk: &DiskKernel, out: &mut [f32]) {
         let (width, margin) = (self.width, self.margin);
-        if width == 0 {
-            return;
-        }
         let stride = width + 2 * margin + 1;
         let height = self.sums.len() / stride;
         let scale = 1.0 / (self.one * disk.area as f32);
-        for (y, target) in out.chunks_exact_mut(width).take(height).enumerate() {
+        for (y, target) in out.chunks_exact_mut(width.max(1)).take(height).enumerate() {
             self.row.fill(0);
-            for dy in 0..=disk.reach() {
-                let half = disk.half_chord(dy as i64).unwrap_or(0).min(margin);
+            for (dy, &half) in disk.half.iter().enumerate() {
+                let half = half.min(margin);
                 let ends = |row: usize| {
                     let sums = &self.sums[row * stride..][..stride];
                     (&sums[margin - half..][..width], &sums[margin + half + 1..][..width])

@@ -5,7 +5,7 @@ mod motion;
 mod sequences;
 
 use self::assignment::assign;
-use self::localizer::{Expected, Observation, PLAIN_RAYS, PartLocalizer, TrackingFrame};
+use self::localizer::{Expected, Observation, PLAIN_RAYS, TrackingFrame};
 use self::motion::MotionModel;
 use super::classifier::overlap;
 use super::coins::CoinFinder;
@@ -29,7 +29,6 @@ const UNSEEN: f64 = 1e9;
 /// whole frame every few frames. Where it is ambiguous which part was seen, all detections are assigned to all parts at
 /// once, by maximum likelihood.
 pub struct Tracker {
-    localizer: PartLocalizer,
     finder: CoinFinder,
     frame_size: [usize; 2],
     tracks: Vec<Track>,
@@ -52,7 +51,6 @@ impl Tracker {
     ) -> Self {
         let at_rest = |seen: &Detection| MotionModel::at_rest(seen.center_px, seen.radius_px, frame_size);
         Self {
-            localizer: PartLocalizer::new(table, kinds, dark_parts),
             finder: CoinFinder::new(table, frame_size, kinds, dark_parts),
             frame_size,
             motions: start.iter().map(at_rest).collect(),
@@ -68,12 +66,13 @@ impl Tracker {
     pub fn track(&mut self, frame: &Frame) {
         self.step();
         self.observations.fill(None);
-        if let Some(found) = self.localizer.measured(frame) {
-            self.assign_observations(found);
+        if let Some(found) = self.finder.classifier.measured(frame) {
+            let observed = |part| Observation { part, agreeing: 0, levels: [0.0; 2] };
+            self.assign_observations(found.into_iter().map(observed).collect());
         } else if let Some(sampler) = Sampler::new(frame).filter(|_| [frame.width, frame.height] == self.frame_size) {
             let view = TrackingFrame { frame, sampler, tracks: &self.tracks };
             for i in 0..self.tracks.len() {
-                self.observations[i] = self.localizer.near(&view, i, &self.expected(i));
+                self.observations[i] = self.finder.classifier.near(&view, i, &self.expected(i));
             }
             if !self.is_plain() {
                 self.resolve(frame, sampler);
@@ -137,8 +136,8 @@ impl Tracker {
             }
             let expected = self.expected(i);
             let last = Expected { place_px: self.tracks[i].seen.center_px, ..expected };
-            let found = self.localizer.wide(&view, i, &expected, &pool);
-            let found = found.or_else(|| self.localizer.wide(&view, i, &last, &pool));
+            let wide = |expected: &Expected| self.finder.classifier.wide(&view, i, expected, &pool);
+            let found = wide(&expected).or_else(|| wide(&last));
             if let Some(look) = found.filter(|look| is_free(&look.part, &pool)) {
                 pool.push(look);
             }

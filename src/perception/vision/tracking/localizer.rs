@@ -1,11 +1,10 @@
-use super::super::classifier::{APART, LEAST_SCORE, PartClassifier, kernel_radius_px, reach_px};
+use super::super::classifier::{APART, LEAST_SCORE, PartClassifier, reach_px};
 use super::super::disk::{DiskKernel, hill_climb};
 use super::super::rim::ring::direction;
 use super::super::rim::{RAYS, RimFit};
 use super::super::sampling::Sampler;
-use super::super::{Detection, Table, Track};
+use super::super::{Detection, Track};
 use upm_core::geometry::Vec2;
-use upm_core::rig::PartKind;
 use upm_core::signal::Frame;
 
 /// A rim fitted from rays that start farther than this from its middle, px, is fitted again from that middle.
@@ -55,48 +54,23 @@ pub(super) struct TrackingFrame<'a> {
     pub(super) tracks: &'a [Track],
 }
 
-/// Detects one part at a time.
-pub(super) struct PartLocalizer {
-    table: Table,
-    classifier: PartClassifier,
-    disks: Vec<DiskKernel>,
-}
-
-impl PartLocalizer {
-    pub(super) fn new(table: &Table, kinds: &[PartKind], dark_parts: bool) -> Self {
-        let scale = table.mean_px_per_m();
-        let disks = kinds.iter().map(|kind| DiskKernel::new(kernel_radius_px(table, kind, scale))).collect();
-        Self { table: table.clone(), classifier: PartClassifier::new(kinds, dark_parts), disks }
-    }
-
-    /// The parts of a frame that has positions in place of pixels; `None` for a picture.
-    pub(super) fn measured(&self, frame: &Frame) -> Option<Vec<Observation>> {
-        let found = self.classifier.measured(frame, &self.table)?;
-        Some(found.into_iter().map(|part| Observation { part, agreeing: 0, levels: [0.0; 2] }).collect())
-    }
-
-    /// Radius of the outline of a part of `kind`, px; 0 for an unknown kind.
-    pub(super) fn radius_px(&self, kind: usize) -> f64 {
-        self.disks.get(kind).map_or(0.0, |disk| disk.reach() as f64)
-    }
-
+/// Detection of one part at a time.
+impl PartClassifier {
     /// Regular search in every frame: the disk climbs from the expected position of part `i`, the rim gives the rest. A
     /// partly hidden part pulls the disk away: then only the rim is searched, at the expected and at the last position.
     pub(super) fn near(&self, view: &TrackingFrame, i: usize, expected: &Expected) -> Option<Observation> {
         let seen = &view.tracks.get(i)?.seen;
         let disk = self.disks.get(seen.kind)?;
         let [x, y] = [expected.place_px.x, expected.place_px.y].map(|v| v.round() as i64);
-        let peak_px = hill_climb(disk, view.frame, x, y, self.classifier.dark_parts, disk.reach())?;
+        let peak_px = hill_climb(disk, view.frame, x, y, self.dark_parts, disk.reach())?;
         let climbed = self.recognise(view, i, peak_px, expected);
         if climbed.as_ref().is_some_and(|detection| detection.agreeing >= PLAIN_RAYS) {
             return climbed;
         }
-        let (part, still) = (self.classifier.kinds.get(seen.kind)?, Expected { speed_px: 0.0, ..*expected });
-        // First over a longer reach than in plain view.
-        let reach = (0.2 * self.radius_px(seen.kind)).max(5.0);
+        let still = Expected { speed_px: 0.0, ..*expected };
         let by_rim = [expected.place_px, seen.center_px].map(|place_px| {
-            let foot_m = self.classifier.foot_below(&self.table, seen.kind, place_px);
-            let far = self.classifier.rim.fit::<25>(&view.sampler, &self.table, part, foot_m, reach);
+            // First over a longer reach than in plain view.
+            let far = self.wide_rim(&view.sampler, seen.kind, self.foot_below(seen.kind, place_px));
             let from_far = far.and_then(|fit| self.recognise(view, i, fit.center_px, &still));
             let close = self.recognise(view, i, place_px, &still);
             from_far.into_iter().chain(close).max_by_key(|detection| detection.agreeing)
@@ -108,15 +82,14 @@ impl PartLocalizer {
     /// Detection of a part of the kind of part `i` whose rim is near `place_px`.
     fn recognise(&self, view: &TrackingFrame, i: usize, place_px: Vec2, expected: &Expected) -> Option<Observation> {
         let kind = view.tracks.get(i)?.seen.kind;
-        let (part, reach) = (self.classifier.kinds.get(kind)?, reach_px(self.radius_px(kind)));
         let rim = |foot_m| {
             if expected.speed_px < SLOW_PX {
-                return self.classifier.rim.fit::<9>(&view.sampler, &self.table, part, foot_m, reach);
+                return self.close_rim(&view.sampler, kind, foot_m);
             }
-            let reach = (reach + 0.5 * expected.speed_px).min(2.0 * reach);
-            self.classifier.rim.fit::<17>(&view.sampler, &self.table, part, foot_m, reach)
+            let reach = reach_px(self.radius_px(kind));
+            self.rim::<17>(&view.sampler, kind, foot_m, (reach + 0.5 * expected.speed_px).min(2.0 * reach))
         };
-        let mut fit = rim(self.classifier.foot_below(&self.table, kind, place_px))?;
+        let mut fit = rim(self.foot_below(kind, place_px))?;
         let mut moved_px = (fit.center_px - place_px).norm();
         for _ in 0..MOST_RECENTERS {
             if moved_px < RECENTER_PX {
@@ -126,19 +99,17 @@ impl PartLocalizer {
             moved_px = (again.center_px - fit.center_px).norm();
             fit = again;
         }
-        self.detection(view, i, &fit, expected)
+        self.observation(view, i, &fit, expected)
     }
 
     /// Detection of part `i` from a rim, if it is one.
-    fn detection(&self, view: &TrackingFrame, i: usize, fit: &RimFit, expected: &Expected) -> Option<Observation> {
+    fn observation(&self, view: &TrackingFrame, i: usize, fit: &RimFit, expected: &Expected) -> Option<Observation> {
         let kind = view.tracks.get(i)?.seen.kind;
-        let (part, disk) = (self.classifier.kinds.get(kind)?, self.disks.get(kind)?);
-        if self.classifier.nearest_kind(fit.radius_m) != Some(kind)
-            || !self.table.holds(fit.foot_m, 0.5 * part.radius_m)
-        {
+        let radius_m = self.kinds.get(kind)?.radius_m;
+        if self.nearest_kind(fit.radius_m) != Some(kind) || !self.table.holds(fit.foot_m, 0.5 * radius_m) {
             return None;
         }
-        let part = self.classifier.detection(view.frame, fit, kind, disk)?;
+        let part = self.detection(view.frame, fit, kind)?;
         let score = part.score;
         let plain = fit.agreeing >= PLAIN_RAYS && score >= LEAST_SCORE;
         let believed = plain || score >= HIDDEN_SCORE && self.is_believed(view, i, fit, expected);
@@ -191,8 +162,7 @@ impl PartLocalizer {
                 continue;
             }
             tried.push(place);
-            let peak_px =
-                hill_climb(disk, view.frame, x as i64, y as i64, self.classifier.dark_parts, 4 * disk.reach())?;
+            let peak_px = hill_climb(disk, view.frame, x as i64, y as i64, self.dark_parts, 4 * disk.reach())?;
             let found = self.recognise(view, i, peak_px, &still);
             if let Some(detection) = found.filter(|detection| !self.is_taken(detection.part.center_px, kind, taken)) {
                 return Some(detection);
@@ -206,7 +176,7 @@ impl PartLocalizer {
     fn dark_places(&self, frame: &Frame, disk: &DiskKernel, center_px: Vec2) -> Vec<(f64, usize, usize)> {
         let step = (WIDE_STEP * disk.reach() as f64).max(1.0);
         let half = (WIDE_RADII / WIDE_STEP).round() as i64;
-        let sign = if self.classifier.dark_parts { 1.0 } else { -1.0 };
+        let sign = if self.dark_parts { 1.0 } else { -1.0 };
         let mut places = Vec::with_capacity((2 * half as usize + 1).pow(2));
         for row in -half..=half {
             for column in -half..=half {
