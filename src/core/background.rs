@@ -26,6 +26,7 @@ pub enum OverflowPolicy {
 }
 
 /// The sending end of a bounded queue. Clones send into the same queue.
+#[derive(Clone)]
 pub struct Queue<T> {
     items: Sender<T>,
     overflow: OverflowPolicy,
@@ -44,12 +45,6 @@ pub enum QueueError {
 impl<T> fmt::Debug for Queue<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Queue").field("overflow", &self.overflow).field("lost", &self.lost).finish_non_exhaustive()
-    }
-}
-
-impl<T> Clone for Queue<T> {
-    fn clone(&self) -> Self {
-        Self { items: self.items.clone(), overflow: self.overflow, lost: Arc::clone(&self.lost) }
     }
 }
 
@@ -81,7 +76,7 @@ impl<T> Queue<T> {
 
     /// The same queue for a sender with another policy.
     pub fn with_policy(&self, overflow: OverflowPolicy) -> Self {
-        Self { overflow, ..self.clone() }
+        Self { overflow, items: self.items.clone(), lost: Arc::clone(&self.lost) }
     }
 
     /// Number of items lost since the queue was made.

@@ -5,7 +5,7 @@
 //! the face that depend on the slip ratio `e = v/(R w)` alone: `F = μ N f(e)`, `T = μ N R t(e)`.
 //! Seen from the point about which the disc turns at this instant (at distance eR from its centre) slip is
 //! perpendicular to the radius vector, the radial integral is elementary, and one over the angle remains
-//! (`[f, t]` in `Ratio::integrals`). They are the complete elliptic integrals of Farkas, Bartels, Unger, Wolf,
+//! (`Ratio::reduced`). They are the complete elliptic integrals of Farkas, Bartels, Unger, Wolf,
 //! Phys. Rev. Lett. 90, 248302 (2003):
 //!
 //! ```text
@@ -104,9 +104,11 @@ enum Ratio {
 }
 
 impl Ratio {
-    /// `[f/e, t]` for e ≤ 1, `[f, e t]` for e ≥ 1.
-    fn integrals(self) -> [f64; 2] {
-        match self {
+    /// `[f s/v, t s/(R w)]`, `s = v + R w`.
+    fn reduced(self) -> [f64; 2] {
+        let (Self::Spinning(smaller) | Self::Sliding(smaller)) = self;
+        // `[f/e, t]` for e ≤ 1, `[f, e t]` for e ≥ 1
+        let integrals = match self {
             Self::Spinning(e) => quarter_turn(|sin2, cos2| {
                 let chord2 = 1.0 - e * e * cos2;
                 [4.0 / PI * sin2 * chord2.sqrt(), 4.0 / (3.0 * PI) * libm::pow(chord2, 1.5)]
@@ -116,13 +118,8 @@ impl Ratio {
                 let torque = if chord > 0.0 { cos2 * cos2 / chord } else { 0.0 };
                 [4.0 / PI * cos2 * chord, 4.0 / (3.0 * PI) * torque]
             }),
-        }
-    }
-
-    /// `[f s/v, t s/(R w)]`, `s = v + R w`.
-    fn reduced(self) -> [f64; 2] {
-        let (Self::Spinning(smaller) | Self::Sliding(smaller)) = self;
-        self.integrals().map(|integral| integral * (1.0 + smaller))
+        };
+        integrals.map(|integral| integral * (1.0 + smaller))
     }
 }
 

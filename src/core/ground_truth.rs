@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 
 use crate::geometry::{Pose, Vec2};
 use crate::time::PlateTime;
@@ -46,7 +46,7 @@ struct TruthCell {
 impl GroundTruthHandle {
     /// The truth as of the last captured frame.
     pub fn read(&self) -> GroundTruth {
-        let shared = self.lock();
+        let shared = self.0.lock();
         let mut truth = shared.truth.clone();
         if shared.order.len() == truth.parts.len() {
             truth.parts = shared.order.iter().filter_map(|&part| shared.truth.parts.get(part).copied()).collect();
@@ -57,7 +57,7 @@ impl GroundTruthHandle {
     /// Reorders the parts to match `seen_m`: each next to the place where it was seen, m. Equal parts cannot be told
     /// apart on a plate, so the vision system that finds them names them.
     pub fn order_by(&self, seen_m: &[Vec2]) {
-        let mut shared = self.lock();
+        let mut shared = self.0.lock();
         let mut left: Vec<usize> = (0..shared.truth.parts.len()).collect();
         let mut order = Vec::with_capacity(left.len());
         for place in seen_m {
@@ -72,10 +72,6 @@ impl GroundTruthHandle {
 
     /// Changes the shared truth, with parts in the rig's own order. For the simulator, which owns it.
     pub fn update(&self, change: impl FnOnce(&mut GroundTruth)) {
-        change(&mut self.lock().truth);
-    }
-
-    fn lock(&self) -> MutexGuard<'_, TruthCell> {
-        self.0.lock()
+        change(&mut self.0.lock().truth);
     }
 }

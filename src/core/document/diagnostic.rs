@@ -90,11 +90,12 @@ impl Diagnostic {
         let expected = "JSON, nested at most 127 deep, with numbers within 64 bits";
         let counted = |place: usize| u32::try_from(place).unwrap_or(u32::MAX);
         let position = Some(TextPosition { line: counted(error.line()), column: counted(error.column()) });
-        Self {
-            class: DiagnosticClass::Syntax,
-            position,
-            ..Self::new(file, Path::root(), syntax_error(error), expected)
-        }
+        let found = match error.classify() {
+            Category::Eof if error.column() == 0 && error.line() == 1 => "an empty file".to_owned(),
+            Category::Eof => format!("the end of the file: {error}"),
+            _ => format!("a mistake: {error}"),
+        };
+        Self { class: DiagnosticClass::Syntax, position, ..Self::new(file, Path::root(), found, expected) }
     }
 
     /// The member of the document that the fault is in: `parts` of `parts[1].kind`.
@@ -244,15 +245,6 @@ impl Diagnostics {
     /// All faults, in the order in which they were found.
     pub fn into_list(self) -> Vec<Diagnostic> {
         self.list
-    }
-}
-
-/// Text found in place of JSON, with its line and column.
-fn syntax_error(error: &serde_json::Error) -> String {
-    match error.classify() {
-        Category::Eof if error.column() == 0 && error.line() == 1 => "an empty file".to_owned(),
-        Category::Eof => format!("the end of the file: {error}"),
-        _ => format!("a mistake: {error}"),
     }
 }
 

@@ -112,10 +112,6 @@ impl StateWord {
     fn released(self) -> Self {
         Self(self.0 & (Self::ATTACHED | Self::DRIVING))
     }
-
-    fn requested_at(self) -> PlateTime {
-        PlateTime::from_nanos(self.0 & Self::TIME)
-    }
 }
 
 impl Interlock {
@@ -241,7 +237,7 @@ impl Interlock {
         // motors that fell silent before the request were silent at the request
         let from_ns = shared.requested_wall_ns.load(Ordering::Relaxed);
         let wall_ns = shared.silent_wall_ns.load(Ordering::Relaxed).saturating_sub(from_ns);
-        let requested_at = word.requested_at();
+        let requested_at = PlateTime::from_nanos(word.0 & StateWord::TIME);
         let wall = Duration::from_nanos(wall_ns);
         Some(StopTimes { requested_at, motors_off_at: motors_off_at.max(requested_at), wall })
     }

@@ -9,7 +9,7 @@ use crate::time::PlateTime;
 use crate::units::{file_form, hertz, mm_point};
 
 /// One picture of the camera, 8-bit gray, rows from the top; or the positions that its detector measured in it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Frame {
     /// Number of columns.
     pub width: usize,
@@ -29,17 +29,13 @@ impl Frame {
     /// A black frame.
     #[inline]
     pub fn new(width: usize, height: usize) -> Self {
-        Self { pixels: vec![0; width * height], ..Self::without_pixels(width, height) }
+        Self { width, height, pixels: vec![0; width * height], ..Self::default() }
     }
 
     /// A frame from an external picture, its gray levels row by row; `None` unless there are `width * height` of them.
     pub fn of_picture(width: usize, height: usize, pixels: Vec<u8>) -> Option<Self> {
         let is_whole = width.checked_mul(height) == Some(pixels.len());
-        is_whole.then_some(Self { pixels, ..Self::without_pixels(width, height) })
-    }
-
-    fn without_pixels(width: usize, height: usize) -> Self {
-        Self { width, height, pixels: Vec::new(), positions: None, index: 0, exposed_at: PlateTime::ZERO }
+        is_whole.then(|| Self { width, height, pixels, ..Self::default() })
     }
 
     /// Row `y` from the top.
