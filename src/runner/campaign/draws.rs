@@ -52,6 +52,15 @@ fn members(value: &Value, at: &Path, visit: &mut dyn FnMut(&Value, &Path)) {
     }
 }
 
+/// As [`members`], to be changed.
+pub(super) fn members_mut(value: &mut Value, at: &Path, visit: &mut dyn FnMut(&mut Value, &Path)) {
+    match value {
+        Value::Object(members) => members.iter_mut().for_each(|(key, member)| visit(member, &at.key(key))),
+        Value::Array(items) => items.iter_mut().enumerate().for_each(|(i, item)| visit(item, &at.index(i))),
+        _ => {}
+    }
+}
+
 /// Reports what is wrong with the draws in `value`, which is below no `$each` but its own.
 fn check(value: &Value, at: &Path, faults: &mut Diagnostics) {
     let Some((name, argument)) = draw(value) else {
@@ -200,13 +209,7 @@ impl Drawing<'_> {
             Some(("$faults", argument)) => {
                 *value = FaultDraw::of(argument).map_or(Value::Null, |of| fault_draws::drawn(&of, job, &mut rng));
             }
-            _ => match value {
-                Value::Object(members) => members.iter_mut().for_each(|(key, item)| self.fill(item, &at.key(key), job)),
-                Value::Array(items) => {
-                    items.iter_mut().enumerate().for_each(|(i, item)| self.fill(item, &at.index(i), job));
-                }
-                _ => {}
-            },
+            _ => members_mut(value, at, &mut |member, at| self.fill(member, at, job)),
         }
     }
 }

@@ -169,18 +169,11 @@ fn job_of(job: Value, origin: &Origin, faults: &mut Diagnostics) -> Option<(Valu
 
 /// Writes out every rig in `value` that extends another, so that its members may be draws.
 fn extend_rigs(value: &mut Value, at: &Path, origin: &Origin, faults: &mut Diagnostics) {
-    match value {
-        Value::Object(members) if members.contains_key("extends") => {
-            let made = RigSpec::extended_within(Value::Object(std::mem::take(members)), origin, at, faults);
-            made.into_iter().for_each(|made| *value = made);
-        }
-        Value::Object(members) => {
-            members.iter_mut().for_each(|(key, member)| extend_rigs(member, &at.key(key), origin, faults));
-        }
-        Value::Array(items) => {
-            items.iter_mut().enumerate().for_each(|(i, item)| extend_rigs(item, &at.index(i), origin, faults));
-        }
-        _ => {}
+    if value.get("extends").is_some() {
+        let made = RigSpec::extended_within(value.take(), origin, at, faults);
+        made.into_iter().for_each(|made| *value = made);
+    } else {
+        draws::members_mut(value, at, &mut |member, at| extend_rigs(member, at, origin, faults));
     }
 }
 

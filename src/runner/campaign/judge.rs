@@ -1,6 +1,6 @@
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdout, Command, Stdio};
 
 use serde::Deserialize;
 
@@ -12,7 +12,6 @@ use upm_core::document::reason;
 #[derive(Debug)]
 pub struct Judge {
     child: Child,
-    asked: Option<ChildStdin>,
     answers: BufReader<ChildStdout>,
     command: String,
 }
@@ -34,9 +33,8 @@ impl Judge {
         std::os::unix::process::CommandExt::process_group(&mut shell, 0);
         let started = shell.args(["-c", command]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
         let mut child = started.map_err(|error| RunError::Judge(format!("{command:?}: {}", reason(&error))))?;
-        let (asked, answers) = (child.stdin.take(), child.stdout.take());
-        let answers = BufReader::new(answers.ok_or_else(|| RunError::Judge(format!("{command:?}: no output")))?);
-        Ok(Self { child, asked, answers, command: command.to_owned() })
+        let answers = child.stdout.take().ok_or_else(|| RunError::Judge(format!("{command:?}: no output")))?;
+        Ok(Self { child, answers: BufReader::new(answers), command: command.to_owned() })
     }
 
     /// Violations that it finds in the run in `folder`.
@@ -45,12 +43,9 @@ impl Judge {
     /// A judge that has ended or answers with anything else.
     pub fn ask(&mut self, folder: &Path) -> Result<Vec<String>, RunError> {
         let mut answer = String::new();
-        let asked =
-            self.asked.as_mut().map(|asked| writeln!(asked, "{}", folder.display()).and_then(|()| asked.flush()));
-        let said = match asked {
-            Some(Ok(())) => self.answers.read_line(&mut answer).is_ok_and(|bytes| bytes > 0),
-            _ => false,
-        };
+        let asked = self.child.stdin.as_mut().map(|asked| writeln!(asked, "{}", folder.display()));
+        let is_asked = asked.is_some_and(|asked| asked.is_ok());
+        let said = is_asked && self.answers.read_line(&mut answer).is_ok_and(|bytes| bytes > 0);
         let wrong = |found: String| {
             let allowed = r#"expected a line {"violations": [...]} for each run folder"#;
             RunError::Judge(format!("{allowed}, found {:?}: {found}", self.command))
@@ -65,8 +60,7 @@ impl Judge {
 
 impl Drop for Judge {
     fn drop(&mut self) {
-        // it ends with its input
-        self.asked = None;
+        // waiting closes its input, with which it ends
         self.child.wait().ok();
     }
 }

@@ -1,3 +1,5 @@
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
@@ -99,10 +101,8 @@ impl RunLine {
         let is_false = report.outcome == Outcome::Completed && !self.success;
         let false_success = "completed, but a part is truly not at its target";
         self.reason = if is_false { false_success } else { &report.reason }.to_owned();
-        let mut findings: Vec<String> = report.incidents.guards.iter().map(|guard| guard.code.clone()).collect();
-        findings.sort();
-        findings.dedup();
-        self.findings = findings;
+        let findings: BTreeSet<&String> = report.incidents.guards.iter().map(|guard| &guard.code).collect();
+        self.findings = findings.into_iter().cloned().collect();
         let members: Map<String, Value> = json!(report).as_object().cloned().unwrap_or_default();
         let known = members.into_iter().filter(|(key, _)| Figures::NAMES.contains(&key.as_str())).collect();
         self.figures = serde_json::from_value(Value::Object(known)).unwrap_or_default();

@@ -18,7 +18,7 @@ const DIFFERS_SHARE: f64 = 0.75;
 /// Plate times: for each sign a sequential probability ratio test (Wald 1945) of the mean logarithm of the ratio, zero
 /// against the difference that is asked about, normal with the scatter seen so far. Success: the same test of the pairs
 /// of which one succeeded. Pairs count in the order in which they are added, which is that of their numbers.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Pairs {
     /// Logarithm of the ratio of plate times that is told.
     #[serde(skip)]
@@ -61,9 +61,7 @@ pub enum PairsVerdict {
 impl Pairs {
     /// No pairs yet; a share of plate time of `tells` is to be told, as 0.03.
     pub fn new(tells: f64) -> Self {
-        let verdict = PairsVerdict::Open;
-        let [pairs, both, other_alone, this_alone] = [0; 4];
-        Self { difference: log(1.0 + tells), pairs, both, other_alone, this_alone, sum: 0.0, squares: 0.0, verdict }
+        Self { difference: log(1.0 + tells), ..Self::default() }
     }
 
     /// Counts a pair, unless the comparison is over.
