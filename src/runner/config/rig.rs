@@ -59,9 +59,10 @@ impl RigSpec {
     /// The whole document of the rig called `named` that the one of `origin` extends.
     fn base(named: &str, origin: &Origin, chain: &Chain) -> Result<Value, Vec<Diagnostic>> {
         let at = Path::root().key("extends");
+        let mut faults = Diagnostics::of(&origin.file);
+        let path = origin.named_file(named, &at, &mut faults);
+        let path = faults.into_result(path)?;
         let refused = |(found, allowed): (String, String)| vec![Diagnostic::new(&origin.file, &at, found, allowed)];
-        let path = origin.resolve(named);
-        let path = path.ok_or_else(|| refused((quoted(named), "nothing (files cannot be named here)".to_owned())))?;
         let chain = chain.with(&path).map_err(refused)?;
         let whole = text_of(&path).and_then(|text| Self::extended(&text, &Origin::of_file(&path), &chain));
         let by_this = |fault: Diagnostic| match fault.named_by {
@@ -99,8 +100,11 @@ impl RigSpec {
             faults.push(at, quoted(&named), "the rig itself (files cannot be named here)");
             return None;
         };
-        let rig = Self::load(&path).map(|rig| rig.rebased_from(&named));
-        rig.map_err(|others| faults.append_named(others, &format!("{}: {at}", origin.file))).ok()
+        let rig = Self::load(&path);
+        let mut rig = rig.map_err(|others| faults.append_named(others, &format!("{}: {at}", origin.file))).ok()?;
+        // its paths become relative to the file that names it
+        rig.document.library = rig.document.library.map(|library| rebased(&library, &named));
+        Some(rig)
     }
 
     /// The rig file that `changes` make of the one that they extend, within a document from `origin`; what they change
@@ -113,16 +117,9 @@ impl RigSpec {
     ) -> Option<Value> {
         let changes = serde_json::from_value::<RigChanges>(changes);
         let changes = changes.map_err(|error| faults.push(at, error, "the path of a rig to extend")).ok()?;
-        let named = changes.base();
-        let base = Self::load(&origin.named_file(&named, &at.key("extends"), faults)?);
+        let base = Self::load(&origin.named_file(&changes.base(), &at.key("extends"), faults)?);
         let base = base.map_err(|others| faults.append_named(others, &format!("{}: {at}", origin.file))).ok()?;
-        Some(changes.merged_into(serde_json::to_value(base.rebased_from(&named).document).ok()?))
-    }
-
-    /// The same rig as part of a file that calls it `named`: its paths become relative to that file.
-    fn rebased_from(mut self, named: &str) -> Self {
-        self.document.library = self.document.library.map(|library| rebased(&library, named));
-        self
+        Some(changes.applied_to(json!(base.document)))
     }
 
     fn build(mut document: RigFile, origin: &Origin, at: &Path, faults: &mut Diagnostics) -> Option<Self> {

@@ -70,12 +70,6 @@ impl RigChanges {
         if is_whole { self.extends.clone() } else { format!("{}.json", self.extends) }
     }
 
-    /// As [`Self::applied_to`], for changes within another file, which names the library of `base` already.
-    pub(super) fn merged_into(self, mut base: Value) -> Value {
-        merge(&mut base, self.members.into());
-        base
-    }
-
     /// The rig that these changes make of `base`.
     pub(super) fn applied_to(self, mut base: Value) -> Value {
         if let Some(library) = base.get("library").and_then(Value::as_str) {
