@@ -33,9 +33,17 @@ pub struct PathParams {
 
 impl PathParams {
     /// The whole way of a part, once.
-    fn line(&self, is_closed: bool) -> Polyline {
+    pub fn line(&self, is_closed: bool) -> Polyline {
         let back = self.waypoints_m.get(..1).filter(|_| is_closed || self.repeat != 1);
         Polyline::new([&self.waypoints_m, back.unwrap_or_default()].concat())
+    }
+
+    /// Length of all passes, m, the last one back to the first waypoint if `is_closed`; infinite for an endless path.
+    pub fn length_m(&self, is_closed: bool) -> f64 {
+        let Some(laps) = self.repeat.checked_sub(1) else { return f64::INFINITY };
+        let lap_m = self.line(true).length_m();
+        let last_m = if is_closed { lap_m } else { Polyline::new(self.waypoints_m.clone()).length_m() };
+        f64::from(laps) * lap_m + last_m
     }
 }
 
@@ -264,15 +272,7 @@ struct CurveFollower {
 
 impl CurveFollower {
     fn new(path: PathParams, is_closed: bool) -> Self {
-        let mut corners = path.waypoints_m;
-        let last_waypoint_at_m = Polyline::new(corners.clone()).length_m();
-        corners.extend(corners.first().copied());
-        let lap = Polyline::new(corners);
-        let last_m = if is_closed { lap.length_m() } else { last_waypoint_at_m };
-        let end_m = match path.repeat {
-            0 => f64::INFINITY,
-            repeat => f64::from(repeat.saturating_sub(1)) * lap.length_m() + last_m,
-        };
+        let (lap, end_m) = (path.line(true), path.length_m(is_closed));
         let speed_mps = if path.speed_mps.is_finite() { path.speed_mps.max(0.0) } else { 0.0 };
         Self { lap, speed_mps, end_m, reference_m: 0.0, along_m: 0.0, off_m: 0.0, ahead_m: 0.0 }
     }

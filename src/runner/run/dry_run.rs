@@ -12,13 +12,12 @@ use super::planner_selection::PlannerSelection;
 use super::setup::RunSetup;
 use crate::config::{Diagnostic, JobSpec, PlacedPart, TaskSpec};
 use upm_control::ControlParams;
-use upm_core::geometry::{Polyline, Vec2};
+use upm_core::geometry::Vec2;
 use upm_core::job::CameraMode;
 use upm_core::time::PlateTime;
 use upm_core::units::m_from_mm;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::{FieldPlanner, Independence, PlanningMethod, RotationPlanner};
-use upm_planning::task::PathParams;
 
 use runs::at_the_same_time;
 
@@ -70,7 +69,7 @@ pub fn dry_run(
     seeds: &[u64],
     library: &Arc<Library>,
     stop: &AtomicBool,
-    watch: &mut dyn FnMut(PlateTime, f64),
+    watch: &mut (dyn FnMut(PlateTime, f64) + Send),
 ) -> Result<Forecast, Diagnostic> {
     // nothing is played on the rig of this setup
     let RunSetup { params, placed, .. } = RunSetup::new(job, library)?;
@@ -119,11 +118,7 @@ fn as_fast_as_possible(job: &JobSpec) -> Option<(JobSpec, f64, f64)> {
     let TaskSpec::Trajectories { paths, in_phase, .. } = &mut job.task else { return None };
     let asked_mps = paths.iter().map(|path| path.speed_mps).fold(0.0, f64::max);
     paths.iter_mut().for_each(|path| (path.speed_mps, path.repeat) = (FASTEST_MPS, 1));
-    let pass_m = |path: &PathParams| {
-        let back = if *in_phase { path.waypoints_m.get(..1).unwrap_or_default() } else { &[] };
-        Polyline::new([&path.waypoints_m, back].concat()).length_m()
-    };
-    let longest_m = paths.iter().map(pass_m).fold(0.0, f64::max);
+    let longest_m = paths.iter().map(|path| path.line(*in_phase).length_m()).fold(0.0, f64::max);
     Some((job, asked_mps, longest_m))
 }
 

@@ -1,29 +1,24 @@
 //! Runs without pixels, several at the same time, and their records.
 
 use std::collections::BTreeMap;
-use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::mpsc::{SyncSender, sync_channel};
-use std::thread;
+
+use parking_lot::Mutex;
 
 use crate::config::{Diagnostic, JobSpec};
 use crate::run::in_memory::InMemoryRun;
 use upm_control::{EventFacts, EventKind, FrameFacts, Sink};
+use upm_core::background::on_threads;
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
 use upm_core::time::PlateTime;
 use upm_planning::cor_library::Library;
 use upm_planning::task::Setpoints;
-use upm_recording::Report;
+use upm_recording::{Fanout, Report};
 
 /// Distance between two points of a recorded path, m.
 const PATH_STEP_M: f64 = 0.3e-3;
-/// Messages of progress that wait to be shown.
-const WAITING: usize = 64;
-
-/// Number of a run, plate time in it and its task's progress, 0 to 1.
-type Progress = (usize, PlateTime, f64);
 
 /// A run of a job without pixels.
 #[derive(Clone, Debug)]
@@ -46,8 +41,6 @@ pub struct DryRunRecord {
     radii_m: Vec<f64>,
     /// Time of the last observation before the task advanced, and of the last one.
     pub(super) advanced: [PlateTime; 2],
-    /// Number of the run and the receiver of its progress.
-    progress: Option<(usize, SyncSender<Progress>)>,
 }
 
 /// Least gap between two parts in a run.
@@ -65,9 +58,6 @@ impl Sink for DryRunRecord {
     fn setpoints(&mut self, at: PlateTime, wanted: &Setpoints) {
         let moves = wanted.done || wanted.paths.iter().flatten().any(|path| path.reference_m > 0.0);
         self.advanced = [if moves { self.advanced[0] } else { at }, at];
-        if let Some((number, sender)) = &self.progress {
-            sender.send((*number, at, wanted.progress)).ok();
-        }
     }
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {
@@ -103,33 +93,38 @@ impl Sink for DryRunRecord {
     }
 }
 
+/// Progress of all runs, 0 to 1 each, and what it is shown to.
+type Progress<'w> = Mutex<(Vec<f64>, &'w mut (dyn FnMut(PlateTime, f64) + Send))>;
+
+/// Takes the progress of one of the runs.
+struct ProgressSink<'a, 'w> {
+    number: usize,
+    progress: &'a Progress<'w>,
+}
+
+impl Sink for ProgressSink<'_, '_> {
+    fn setpoints(&mut self, at: PlateTime, wanted: &Setpoints) {
+        let (shares, watch) = &mut *self.progress.lock();
+        shares[self.number] = wanted.progress;
+        watch(at, shares.iter().sum::<f64>() / shares.len() as f64);
+    }
+}
+
 /// Runs all `jobs`, each on its own thread, to the end or until `stop` is set; the results are in their order.
 pub(super) fn at_the_same_time(
     jobs: &[JobSpec],
     library: &Arc<Library>,
     stop: &AtomicBool,
-    watch: &mut dyn FnMut(PlateTime, f64),
+    watch: &mut (dyn FnMut(PlateTime, f64) + Send),
 ) -> Result<Vec<DryRun>, Diagnostic> {
-    let (sender, receiver) = sync_channel(WAITING);
-    thread::scope(|scope| {
-        let run = |(number, job)| {
-            let progress = Some((number, sender.clone()));
-            scope.spawn(move || {
-                let run = InMemoryRun::with_library(job, Arc::clone(library))?;
-                let radii_m = (0..run.params().parts.len()).map(|part| run.params().radius_m(part)).collect();
-                let mut record = DryRunRecord { radii_m, progress, ..DryRunRecord::default() };
-                let report = run.run_until(stop, &mut record);
-                record.progress = None;
-                Ok(DryRun { report, record })
-            })
-        };
-        let threads: Vec<_> = jobs.iter().enumerate().map(run).collect();
-        drop(sender);
-        let mut shares = vec![0.0; jobs.len()];
-        for (number, at, share) in receiver {
-            shares[number] = share;
-            watch(at, shares.iter().sum::<f64>() / jobs.len() as f64);
-        }
-        threads.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
-    })
+    let progress: Progress<'_> = Mutex::new((vec![0.0; jobs.len()], watch));
+    let run = |(number, job)| {
+        let run = InMemoryRun::with_library(job, Arc::clone(library))?;
+        let radii_m = (0..run.params().parts.len()).map(|part| run.params().radius_m(part)).collect();
+        let mut record = DryRunRecord { radii_m, ..DryRunRecord::default() };
+        let mut shown = ProgressSink { number, progress: &progress };
+        let report = run.run_until(stop, &mut Fanout { sinks: vec![&mut record, &mut shown], after_frame: None });
+        Ok(DryRun { report, record })
+    };
+    on_threads(jobs.len(), jobs.iter().enumerate(), &|_| (), run).into_iter().collect()
 }
