@@ -54,18 +54,16 @@ impl Durations {
     /// Adds one duration, µs.
     pub fn push(&mut self, us: f64) {
         self.max_us = self.max_us.max(us);
+        if self.kept_us.len() == KEPT && self.seen.trailing_zeros() >= self.halvings {
+            let mut index = 0;
+            self.kept_us.retain(|_| {
+                index += 1;
+                index % 2 == 1
+            });
+            self.halvings += 1;
+        }
         if self.seen.trailing_zeros() >= self.halvings {
-            if self.kept_us.len() == KEPT {
-                let mut index = 0;
-                self.kept_us.retain(|_| {
-                    index += 1;
-                    index % 2 == 1
-                });
-                self.halvings += 1;
-            }
-            if self.seen.trailing_zeros() >= self.halvings {
-                self.kept_us.push(us);
-            }
+            self.kept_us.push(us);
         }
         self.seen += 1;
     }
