@@ -4,12 +4,13 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Writes `bytes` into `file`, the new file at `draft`, and renames it to `path` in the same folder once they are on
-/// the disk. Until then the old file remains.
+/// Writes `bytes` into a new file at `draft`, and renames it to `path` in the same folder once they are on the disk.
+/// Until then the old file remains.
 ///
 /// # Errors
 /// Errors of writing, syncing and renaming, as the system reports them. The draft is not removed.
-pub fn write_whole(mut file: File, draft: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
+pub fn write_whole(draft: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = File::create(draft)?;
     file.write_all(bytes)?;
     file.sync_all()?;
     fs::rename(draft, path)
@@ -42,7 +43,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (draft, path) = (folder.path().join("a.part"), folder.path().join("a"));
         fs::write(&path, "what was there").unwrap();
-        write_whole(File::create(&draft).unwrap(), &draft, &path, b"new").unwrap();
+        write_whole(&draft, &path, b"new").unwrap();
         sync_folder(folder.path()).unwrap();
         assert_eq!((fs::read(&path).unwrap().as_slice(), draft.exists()), (b"new".as_slice(), false));
     }

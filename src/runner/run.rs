@@ -43,7 +43,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::config::{JobLayout, JobSpec, reason};
+use crate::config::{JobLayout, JobSpec};
 use upm_control::{self as control, EventFacts, EventLevel, FinalState, RunEnd, RunIo, Sink};
 use upm_core::rig::{Interlock, Rig};
 use upm_core::time::Clock;
@@ -237,9 +237,8 @@ impl Session<'_> {
         let mut sinks = Fanout { sinks: vec![&mut journal, &mut stats, watcher], after_frame: None };
         report_recording_end(&options.recording_options.recording, &mut sinks, setup.ended_at);
         let written = journal.finish().and_then(BackgroundWriter::finish);
-        let written = written.map_err(|error| folder.write_error("journal.jsonl", &reason(&error)));
-        let written =
-            written.and(truth_log.finish().map_err(|error| folder.write_error(folder::TRUTH_FILE, &reason(&error))));
+        let written = written.map_err(|error| folder.write_error("journal.jsonl", &error));
+        let written = written.and(truth_log.finish().map_err(|error| folder.write_error(folder::TRUTH_FILE, &error)));
         if let Err(error) = &written {
             add_write_failure(&mut finish.ending, error);
         }
@@ -248,7 +247,8 @@ impl Session<'_> {
         report.incidents.warnings =
             job_warnings(job, library).iter().map(ToString::to_string).chain(warning).chain(owned.clone()).collect();
         report.pacing = options.real_time.then(|| controls.pacing.report(missed_before));
-        report.verdict = if setup.is_judged() { verdict(job, &report) } else { None };
+        let is_judged = !setup.has_own_task && setup.own_rig.is_none();
+        report.verdict = if is_judged { verdict(job, &report) } else { None };
         let reported = folder.write_json(folder::REPORT_FILE, &report);
         report.incidents.warnings.extend(reported.as_ref().err().map(ToString::to_string));
         Ok((RunResult { folder: folder.path().to_owned(), report }, written.and(reported)))

@@ -23,14 +23,14 @@ pub(super) fn largest_step_m(parts: &[PartState]) -> f64 {
 }
 
 coded_enum! {
-    /// Method by which motions are found, with its name in a job file.
+    /// Method by which motions are found, with its name in a job file; the more promising ones come last.
     #[derive(Default)]
     pub enum PlanningMethod {
+        /// The papers' plain method, for comparison: [`PseudoInverse`](super::PseudoInverse).
+        PseudoInverse = "pseudo_inverse",
         /// Sequences of rotations: [`RotationPlanner`](super::RotationPlanner).
         #[default]
         CorSequence = "cor_sequence",
-        /// The papers' plain method, for comparison: [`PseudoInverse`](super::PseudoInverse).
-        PseudoInverse = "pseudo_inverse",
         /// One motion of many harmonics per cycle, synthesised for the steps wanted in it.
         SynthesizedField = "synthesized_field",
         /// Such motions one after another without a pause: [`MovingPlanner`](super::MovingPlanner).

@@ -19,7 +19,7 @@ pub const MOST_SHARDS: usize = 10_000;
 pub(super) const KEPT: &str = "kept";
 
 /// The campaign and program that a folder is of.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FolderFacts {
     /// Name of the campaign.
@@ -93,10 +93,8 @@ impl CampaignFolder {
             let text = serde_json::to_string_pretty(&facts).unwrap_or_default() + "\n";
             // processes that begin at the same time write the same
             let draft = path.join(format!("{FACTS_FILE}.{}.part", std::process::id()));
-            let written = fs::create_dir_all(path).and_then(|()| File::create(&draft));
-            written
-                .and_then(|made| write_whole(made, &draft, &file, text.as_bytes()))
-                .map_err(|e| failed(&file, &e))?;
+            let written = fs::create_dir_all(path).and_then(|()| write_whole(&draft, &file, text.as_bytes()));
+            written.map_err(|error| RunError::write(&file, &error))?;
         }
         let found = Self::open(path)?;
         if let Some(fault) = facts.differs(&found.facts, &file) {
@@ -138,7 +136,7 @@ impl CampaignFolder {
     pub(super) fn shard(&self, shard: usize) -> Result<ShardFile, RunError> {
         let path = self.shard_path(shard);
         let opened = OpenOptions::new().create(true).read(true).append(true).open(&path);
-        let mut file = opened.map_err(|error| failed(&path, &error))?;
+        let mut file = opened.map_err(|error| RunError::write(&path, &error))?;
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
@@ -153,7 +151,7 @@ impl CampaignFolder {
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).map_err(|error| unreadable(&path, &error))?;
         let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-        file.set_len(whole as u64).map_err(|error| failed(&path, &error))?;
+        file.set_len(whole as u64).map_err(|error| RunError::write(&path, &error))?;
         let lines = bytes[..whole].split(|byte| *byte == b'\n').map(serde_json::from_slice::<RunLine>);
         let present = lines.filter_map(Result::ok).map(|line| (line.run, line.key)).collect();
         Ok(ShardFile { file, path, length: whole as u64, present })
@@ -211,10 +209,6 @@ fn unreadable(path: &Path, error: &io::Error) -> RunError {
     Diagnostic::unreadable(&path.display().to_string(), reason(error)).into()
 }
 
-pub(super) fn failed(path: &Path, error: &io::Error) -> RunError {
-    RunError::Write { path: path.display().to_string(), reason: reason(error) }
-}
-
 /// The lines of a shard, locked for one process.
 #[derive(Debug)]
 pub(super) struct ShardFile {
@@ -239,7 +233,7 @@ impl ShardFile {
         if let Err(error) = written {
             self.file.set_len(self.length).ok();
             self.file.seek(SeekFrom::End(0)).ok();
-            return Err(failed(&self.path, &error));
+            return Err(RunError::write(&self.path, &error));
         }
         self.length += text.len() as u64;
         self.present.insert((line.run, line.key.clone()));

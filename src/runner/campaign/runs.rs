@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use parking_lot::Mutex;
 
 use super::file::{Campaign, hash_of};
-use super::folder::{CampaignFolder, KEPT, ShardFile, failed};
+use super::folder::{CampaignFolder, KEPT, ShardFile};
 use super::judge::Judge;
 use super::line::RunLine;
 use crate::config::{JobSpec, LibraryRef};
@@ -204,7 +204,7 @@ impl CampaignRunner<'_> {
             state.kept_bytes.fetch_add(size_of(&folder), Ordering::Relaxed);
             line.folder = folder.strip_prefix(self.folder.path()).ok().map(|path| path.display().to_string());
         } else if has_folder {
-            fs::remove_dir_all(&folder).map_err(|error| failed(&folder, &error))?;
+            fs::remove_dir_all(&folder).map_err(|error| RunError::write(&folder, &error))?;
         }
         Ok(Some(line))
     }

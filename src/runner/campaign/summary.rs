@@ -10,7 +10,7 @@ use super::statistics::Interval;
 const MOST_FAILURES: usize = 1000;
 
 /// Summary of a campaign: of the lines alone, whatever made them.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
     /// Its folder's facts.
     #[serde(flatten)]
@@ -64,16 +64,7 @@ impl Summary {
     /// A summary without lines.
     pub fn new(facts: &FolderFacts) -> Self {
         let cell = |name: &String| CellSummary { cell: name.clone(), ..CellSummary::default() };
-        Self {
-            of_cells: facts.cells.iter().map(cell).collect(),
-            facts: facts.clone(),
-            done: 0,
-            successes: 0,
-            ends: BTreeMap::new(),
-            findings: BTreeMap::new(),
-            violations: BTreeMap::new(),
-            failures: Vec::new(),
-        }
+        Self { of_cells: facts.cells.iter().map(cell).collect(), facts: facts.clone(), ..Self::default() }
     }
 
     /// Counts a line; lines come in the order of their runs.

@@ -181,7 +181,7 @@ fn plates_of(entries: &[PlateEntry], origin: &Origin, faults: &mut Diagnostics) 
                 let (root, name) = (Path::root(), &plate.name);
                 let allowed = format!("the rig of plate {name}, or nothing");
                 of_job.require(rig.is_as_in(&job.rig.document), root.key("rig"), "another rig", allowed);
-                let asked = job.plate.as_deref().unwrap_or(name);
+                let asked = job.document.plate.as_deref().unwrap_or(name);
                 let allowed = format!("{name} or nothing (it is the standing job of that plate)");
                 of_job.require(asked == name, root.key("plate"), quoted(asked), allowed);
                 let allowed = format!("nothing (plate {name} has its library)");

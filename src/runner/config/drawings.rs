@@ -20,7 +20,9 @@ impl JobFile {
 
 /// Writes path data in place of every file that the tasks name, and warns of what is in them beside paths.
 pub(super) fn write_out(document: &mut JobFile, origin: &Origin, faults: &mut Diagnostics) -> Vec<Diagnostic> {
-    let shapes = document.each_task_mut().into_iter().flat_map(|(at, task)| shapes_of(task, &at));
+    let places: Vec<Path> = document.each_task().into_iter().map(|(at, _)| at).collect();
+    let tasks = document.task.iter_mut().chain(document.tasks.iter_mut().flatten());
+    let shapes = places.iter().zip(tasks).flat_map(|(at, task)| shapes_of(task, at));
     shapes.filter_map(|(at, svg)| write_out_one(svg, &at.key("svg"), origin, faults)).collect()
 }
 

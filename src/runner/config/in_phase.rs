@@ -137,8 +137,8 @@ impl LoopLap {
         corners_m.extend(path.waypoints_m.first());
         let mut gone_m = vec![0.0];
         let mut length_m = 0.0;
-        for pair in corners_m.windows(2) {
-            length_m += pair.first().zip(pair.last()).map_or(0.0, |(a, b)| (b - a).norm());
+        for [a, b] in corners_m.array_windows() {
+            length_m += (b - a).norm();
             gone_m.push(length_m);
         }
         if path.repeat == 1 {
@@ -166,15 +166,12 @@ impl LoopLap {
         let mut shares: Vec<f64> = self.shares.iter().chain(&other.shares).copied().collect();
         shares.sort_by(f64::total_cmp);
         let apart = |share: f64| self.at(share) - other.at(share);
-        let nearest = |pair: &[f64]| {
-            let (from, to) = (pair.first().copied().unwrap_or_default(), pair.last().copied().unwrap_or_default());
+        let nearest = |&[from, to]: &[f64; 2]| {
             let apart = Segment { from: apart(from), to: apart(to) };
             (apart.distance(Vec2::zeros()), from + apart.nearest_share(Vec2::zeros()) * (to - from))
         };
-        shares
-            .windows(2)
-            .map(nearest)
-            .fold((f64::INFINITY, 0.0), |best, next| if next.0 < best.0 { next } else { best })
+        let nearer = |best: (f64, f64), next: (f64, f64)| if next.0 < best.0 { next } else { best };
+        shares.array_windows().map(nearest).fold((f64::INFINITY, 0.0), nearer)
     }
 }
 

@@ -3,8 +3,8 @@ use serde_json::Value;
 use super::clearance;
 use super::drawings;
 use super::faults::{self, fault_entry};
-use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PathEntry, PlannerChoice, TaskSection};
-use super::kinds::{KindSpec, PartGroup, each_kind, part_ids};
+use super::job_file::{DeadlinePolicy, JobFile, LibraryRef, PartsEntry, PathEntry, TaskSection};
+use super::kinds::{PartGroup, each_kind, part_ids};
 use super::names::check_names;
 use super::planner_checks::check_planner;
 use super::read::{NAMES, Origin, is_name};
@@ -12,7 +12,7 @@ use super::rig::RigSpec;
 use super::rig_file::RigSource;
 use super::task::{self, TaskSpec};
 use upm_core::document::{Diagnostic, Diagnostics, Path, counted, parse_and_build_rest, text_of};
-use upm_core::job::{Bin, CameraMode, Finding};
+use upm_core::job::{CameraMode, Finding};
 use upm_core::rig::PartKind;
 use upm_core::units::mm_from_m;
 use upm_sim::faults::FaultSpec;
@@ -26,8 +26,6 @@ pub struct JobSpec {
     pub name: String,
     /// Rig that the job names, else that of the daemon's plate.
     pub rig: RigSpec,
-    /// Plate of the daemon that the job names.
-    pub plate: Option<String>,
     /// COR library: the job's own, else the rig's.
     pub library: Option<LibraryRef>,
     /// Groups of parts, as in the file.
@@ -36,10 +34,6 @@ pub struct JobSpec {
     pub task: TaskSpec,
     /// Goals before it, in order.
     pub earlier: Vec<TaskSpec>,
-    /// How often all goals are gone through; 0 for no end.
-    pub repeat: u32,
-    /// Planner as in the file, `auto` included.
-    pub planner: PlannerChoice,
     /// Distance from the target at which a part has arrived, m.
     pub tolerance_m: f64,
     /// Largest plate time of the run, s.
@@ -52,14 +46,12 @@ pub struct JobSpec {
     placement_seed: Option<u64>,
     /// Code of a disabled guard; set only by builds with the feature `mutants`.
     pub without_guard: Option<Finding>,
-    /// False alarms in 1,000 h of plate time of a healthy rig, all guards together.
-    pub false_alarms_per_1000_h: f64,
     /// Policy for a computer that is too slow for the plate.
     pub deadlines: DeadlinePolicy,
     /// Warnings of what is in its drawings beside paths.
     pub warnings: Vec<Diagnostic>,
     /// Contents of the file with all defaults written out, without the rig.
-    document: JobFile,
+    pub(crate) document: JobFile,
 }
 
 impl JobSpec {
@@ -128,20 +120,16 @@ impl JobSpec {
         Some(Self {
             file: origin.file.clone(),
             name: document.name.clone(),
-            plate: document.plate.clone(),
             library: library.or_else(|| rig.library.clone().map(LibraryRef::File)),
             parts,
             task,
             earlier,
-            repeat: document.repeat,
-            planner: document.planner,
             tolerance_m: document.tolerance_m,
             plate_time_limit_s: document.limits.plate_time_s,
             faults: of_rig.unwrap_or_default(),
             camera: CameraMode::default(),
             placement_seed: None,
             without_guard: None,
-            false_alarms_per_1000_h: document.false_alarms_per_1000_h,
             deadlines: document.deadlines,
             warnings,
             rig,
@@ -159,7 +147,7 @@ impl JobSpec {
 
     /// True if only the plate time limit ends the task, which completes it.
     pub fn is_endless(&self) -> bool {
-        self.repeat == 0 || self.task.is_endless(self.plate_time_limit_s)
+        self.document.repeat == 0 || self.task.is_endless(self.plate_time_limit_s)
     }
 
     /// The goals of one round, in order.
@@ -186,16 +174,6 @@ impl JobSpec {
     /// Key that names the library: the job's or its rig's.
     pub fn library_key(&self) -> String {
         if self.names_library() { format!("{}: library", self.file) } else { self.rig.library_key.clone() }
-    }
-
-    /// Bins of the last sort as in the file; empty without one.
-    pub(super) fn bins(&self) -> &[Bin] {
-        let tasks = self.document.each_task().into_iter();
-        let mut of_sorts = tasks.filter_map(|(_, task)| match task {
-            TaskSection::Sort { bins } => Some(bins.as_slice()),
-            _ => None,
-        });
-        of_sorts.next_back().unwrap_or_default()
     }
 
     /// Seed of all random numbers.
@@ -225,12 +203,6 @@ impl JobSpec {
         Self { camera, ..self }
     }
 
-    /// The same job with another planner.
-    pub fn with_planner(mut self, planner: PlannerChoice) -> Self {
-        (self.planner, self.document.planner) = (planner, planner);
-        self
-    }
-
     /// The same job with the faults in `texts` added, as typed on the command line.
     ///
     /// # Errors
@@ -256,11 +228,6 @@ impl JobSpec {
     /// Kind of each part, as an index into the rig's kinds, in the order of the job.
     pub fn kinds_of_parts(&self) -> Vec<usize> {
         each_kind(&self.parts)
-    }
-
-    /// The kind with this index, as [`JobSpec::kinds_of_parts`] lists them.
-    pub fn kind(&self, index: usize) -> Option<&KindSpec> {
-        self.rig.kinds.get(index)
     }
 
     /// The job with the rig and all defaults written out; reading it with the same origin gives an equal spec.

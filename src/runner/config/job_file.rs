@@ -10,6 +10,7 @@ use super::faults::MOST_FAULTS;
 use super::read::{NAME_PATTERN, optional_mm_point, optional_mm_points};
 use super::rig_file::RigSource;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
+use upm_core::coded_enum;
 use upm_core::document::Path;
 use upm_core::geometry::Vec2;
 use upm_core::job::Bin;
@@ -76,13 +77,6 @@ impl JobFile {
         let tasks = self.tasks.iter().flatten().enumerate();
         let listed = tasks.map(|(i, task)| (Path::root().key("tasks").index(i), task));
         self.task.iter().map(|task| (Path::root().key("task"), task)).chain(listed).collect()
-    }
-
-    /// As [`Self::each_task`], to be changed.
-    pub(super) fn each_task_mut(&mut self) -> Vec<(Path, &mut TaskSection)> {
-        let tasks = self.tasks.iter_mut().flatten().enumerate();
-        let listed = tasks.map(|(i, task)| (Path::root().key("tasks").index(i), task));
-        self.task.iter_mut().map(|task| (Path::root().key("task"), task)).chain(listed).collect()
     }
 }
 
@@ -233,24 +227,25 @@ pub enum Assignment {
     Fixed,
 }
 
-/// How motions are found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum PlannerChoice {
-    /// The planner that suits rig and task: where the rig has `fields`, `moving_field` for `arrange` and `sort`, and
-    /// `synthesized_field` for other jobs of two parts or more; else `cor_sequence`.
-    #[default]
-    Auto,
-    /// Rotations about measured centres, one after another. Works on every rig that has a library.
-    CorSequence,
-    /// One motion of many harmonics a cycle, which moves every part its own step at once. Asks for a rig with `fields`;
-    /// much faster than rotations with several parts.
-    SynthesizedField,
-    /// Such motions one after another without a pause: the parts keep the speed that they have won. For `arrange`,
-    /// `sort` and `trajectories` on a rig with `fields`.
-    MovingField,
-    /// The papers' plain method, for comparison: fixed centres, the ideal field, the pseudo-inverse.
-    PseudoInverse,
+coded_enum! {
+    /// How motions are found.
+    #[derive(Default, schemars::JsonSchema)]
+    pub enum PlannerChoice {
+        /// The planner that suits rig and task: where the rig has `fields`, `moving_field` for `arrange` and `sort`, and
+        /// `synthesized_field` for other jobs of two parts or more; else `cor_sequence`.
+        #[default]
+        Auto = "auto",
+        /// Rotations about measured centres, one after another. Works on every rig that has a library.
+        CorSequence = "cor_sequence",
+        /// One motion of many harmonics a cycle, which moves every part its own step at once. Asks for a rig with
+        /// `fields`; much faster than rotations with several parts.
+        SynthesizedField = "synthesized_field",
+        /// Such motions one after another without a pause: the parts keep the speed that they have won. For `arrange`,
+        /// `sort` and `trajectories` on a rig with `fields`.
+        MovingField = "moving_field",
+        /// The papers' plain method, for comparison: fixed centres, the ideal field, the pseudo-inverse.
+        PseudoInverse = "pseudo_inverse",
+    }
 }
 
 /// Policy for a computer that is too slow for the plate. It changes no journal.

@@ -1,6 +1,7 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use super::job_file::TaskSection;
 use super::kinds::part_ids;
 use super::{JobSpec, TaskSpec};
 use upm_core::geometry::Vec2;
@@ -29,12 +30,12 @@ pub struct JobLayout {
 impl JobLayout {
     /// The layout of `job`.
     pub fn of(job: &JobSpec) -> Self {
-        let kinds = job.kinds_of_parts().into_iter().filter_map(|kind| Some(&job.kind(kind)?.kind));
+        let kinds = job.kinds_of_parts().into_iter().filter_map(|kind| Some(&job.rig.kinds.get(kind)?.kind));
         let parts = kinds.zip(part_ids(&job.parts, &job.rig.kinds));
         let parts: Vec<LayoutPart> =
             parts.map(|(kind, id)| LayoutPart { id, kind: kind.name.clone(), radius_m: kind.radius_m }).collect();
         let mut layout = Self { endless: job.is_endless(), ..Self::default() };
-        for task in job.each_task() {
+        for (task, (_, section)) in job.each_task().zip(job.document.each_task()) {
             match task {
                 TaskSpec::PlusSign { edge_margin_m, .. } => {
                     let radius_m = parts.first().map_or(0.0, |part| part.radius_m);
@@ -53,7 +54,11 @@ impl JobLayout {
                     layout.paths.extend(moving.map(path));
                 }
                 TaskSpec::Arrange { targets_m, .. } => layout.targets_m = targets_m.iter().flatten().copied().collect(),
-                TaskSpec::Sort { .. } => layout.bins = job.bins().to_vec(),
+                TaskSpec::Sort { .. } => {
+                    if let TaskSection::Sort { bins } = section {
+                        layout.bins.clone_from(bins);
+                    }
+                }
                 TaskSpec::Hold { .. } => {}
             }
         }

@@ -9,22 +9,19 @@ use upm_core::rig::Interlock;
 
 /// Checks that the planner fits the rig and the task.
 pub(super) fn check_planner(document: &JobFile, rig: &RigSpec, root: &Path, faults: &mut Diagnostics) {
-    let name = match document.planner {
-        PlannerChoice::SynthesizedField => "synthesized_field",
-        PlannerChoice::MovingField => "moving_field",
-        PlannerChoice::Auto | PlannerChoice::CorSequence | PlannerChoice::PseudoInverse => return,
-    };
     let tasks = document.each_task();
     let stays = |task: &TaskSection| matches!(task, TaskSection::PlusSign { .. } | TaskSection::Hold { .. });
     let is_plus_sign = |task: &TaskSection| matches!(task, TaskSection::PlusSign { .. });
     let moves_parts = tasks.iter().any(|(_, task)| !stays(task)) && !tasks.iter().any(|(_, task)| is_plus_sign(task));
     let (others, obstacle) = match document.planner {
+        PlannerChoice::Auto | PlannerChoice::CorSequence | PlannerChoice::PseudoInverse => return,
         _ if rig.model.fields.is_none() => ("cor_sequence, pseudo_inverse", Some(without_fields())),
         PlannerChoice::MovingField => ("synthesized_field", moving_obstacle(rig, moves_parts)),
-        _ => return,
+        PlannerChoice::SynthesizedField => return,
     };
     if let Some((found, allowed)) = obstacle {
-        faults.push(root.key("planner"), format!("\"{name}\" {found}"), format!("auto, {others}, or {allowed}"));
+        let found = format!("{:?} {found}", document.planner.code());
+        faults.push(root.key("planner"), found, format!("auto, {others}, or {allowed}"));
     }
 }
 

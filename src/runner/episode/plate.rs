@@ -4,7 +4,6 @@ use upm_core::geometry::Vec2;
 use upm_core::ground_truth::{GroundTruth, GroundTruthHandle};
 use upm_core::rig::{Rig, RigError, RigModel};
 use upm_core::signal::{Drive, Frame};
-use upm_core::time::PlateTime;
 use upm_perception::vision::locate_table;
 use upm_sim::SimRig;
 
@@ -45,30 +44,20 @@ impl SteppedPlate {
         Ok(plate)
     }
 
-    /// Plate time now.
-    pub fn now(&self) -> PlateTime {
-        self.rig.now()
-    }
-
     /// True positions on the plate, m.
     pub fn true_m(&self) -> impl Iterator<Item = Vec2> {
         let GroundTruth { parts, plate_in_table, .. } = &self.truth;
         parts.iter().map(|part| plate_in_table.apply_inverse(part.part_in_table.position_m))
     }
 
-    /// Image of a place on the plate, m, px.
-    pub fn image_of(&self, place_m: Vec2) -> Vec2 {
-        self.rig.image_from_table(self.truth.plate_in_table.apply(place_m), 0.0)
-    }
-
     /// Plays `drive`, if there is one, until the parts are seen at rest; else until the next frame.
     pub fn play(&mut self, drive: Option<&Drive>) -> Result<(), RigError> {
-        let (from, before_m) = (self.now(), self.seen_m.clone());
+        let (from, before_m) = (self.rig.now(), self.seen_m.clone());
         if let Some(drive) = drive {
             self.rig.play(drive)?;
         }
         self.observe()?;
-        let took_s = self.now().secs_since(from);
+        let took_s = self.rig.now().secs_since(from);
         let velocity_mps = |(now_m, before_m): (&Vec2, Vec2)| (now_m - before_m) / took_s;
         self.velocities_mps = self.seen_m.iter().zip(before_m).map(velocity_mps).collect();
         Ok(())

@@ -12,7 +12,7 @@ use crate::run::{RunError, task};
 use upm_control::GainEstimator;
 use upm_core::geometry::Vec2;
 use upm_core::random::{Rng, Streams};
-use upm_core::rig::RigError;
+use upm_core::rig::{Rig, RigError};
 use upm_core::signal::Frame;
 use upm_core::units::mm_from_m;
 use upm_planning::planner::{PartState, PlanningMethod};
@@ -66,9 +66,9 @@ impl Episode {
             let drawn = job.with_seed(StandardUniform.sample(&mut episode.draws));
             place_parts(&drawn, Streams::new(seed))?.iter().map(|part| part.position_m).collect()
         } else {
-            episode.task_of(&params.job.task).next(episode.plate.now(), &episode.plate.seen_m).targets_m
+            episode.task_of(&params.job.task).next(episode.plate.rig.now(), &episode.plate.seen_m).targets_m
         };
-        let (mean_distance_m, plate_time_s) = (episode.mean_distance_m(), episode.plate.now().secs());
+        let (mean_distance_m, plate_time_s) = (episode.mean_distance_m(), episode.plate.rig.now().secs());
         episode.outcome = StepOutcome { mean_distance_m, plate_time_s, was_reset: true, ..StepOutcome::default() };
         episode.record(&[]);
         Ok(episode)
@@ -119,7 +119,7 @@ impl Episode {
         let is_success = arrived > 0 || !is_stream && !has_fallen && self.is_done();
         let bonus = if is_stream { arrived as f64 } else { f64::from(u8::from(is_success)) };
         let terminated = has_fallen || is_success && !is_stream;
-        let plate_time_s = self.plate.now().secs();
+        let plate_time_s = self.plate.rig.now().secs();
         self.outcome = StepOutcome {
             reward: if has_fallen { -1.0 } else { closer + bonus },
             terminated,
@@ -161,7 +161,7 @@ impl Episode {
             let targets_m = self.targets_m.iter().copied().map(Some).collect();
             self.task_of(&TaskSpec::Arrange { targets_m, assignment: Assignment::Fixed })
         });
-        let wanted = task.next(self.plate.now(), &self.plate.seen_m);
+        let wanted = task.next(self.plate.rig.now(), &self.plate.seen_m);
         let subgoals_m = if wanted.done { &self.plate.seen_m } else { &wanted.subgoals_m };
         let action = self.planner.expert(&self.states(subgoals_m), wanted.stride_m);
         self.task = Some(task);
@@ -170,7 +170,10 @@ impl Episode {
 
     /// The camera's picture of the plate at rest, and the targets in it, px.
     pub fn picture(&mut self) -> (Frame, Vec<Vec2>) {
-        (self.plate.rig.picture(), self.targets_m.iter().map(|target_m| self.plate.image_of(*target_m)).collect())
+        let SteppedPlate { rig, truth, .. } = &mut self.plate;
+        let picture = rig.picture();
+        let image_of = |target_m: &Vec2| rig.image_from_table(truth.plate_in_table.apply(*target_m), 0.0);
+        (picture, self.targets_m.iter().map(image_of).collect())
     }
 
     /// SHA-256 over the seed, every action and the bits of all true positions since the last seed was given, in
@@ -184,7 +187,7 @@ impl Episode {
         let numbers = action.iter().copied().chain(places);
         // each update costs, however short it is
         self.journal.update(numbers.flat_map(|number| number.to_bits().to_le_bytes()).collect::<Vec<u8>>());
-        self.journal.update(self.plate.now().nanos().to_le_bytes());
+        self.journal.update(self.plate.rig.now().nanos().to_le_bytes());
     }
 
     fn task_of(&self, spec: &TaskSpec) -> Box<dyn Task + Send> {

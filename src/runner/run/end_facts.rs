@@ -81,7 +81,7 @@ pub(super) fn verdict(job: &JobSpec, report: &Report) -> Option<Verdict> {
             let in_bin = |part: usize| {
                 let bin = bins.iter().find(|bin| bin.parts.contains(&part))?;
                 let at_m = Vec2::from(report.parts[part].true_mm?).map(m_from_mm);
-                Some(bin.inside_m(at_m, job.kind(kinds[part])?.kind.radius_m) >= -m_from_mm(SENSING_MM))
+                Some(bin.inside_m(at_m, job.rig.kinds.get(kinds[part])?.kind.radius_m) >= -m_from_mm(SENSING_MM))
             };
             (0..report.parts.len()).all(|part| in_bin(part) == Some(true))
         }

@@ -1,4 +1,7 @@
-use upm_core::document::Diagnostic;
+use std::io;
+use std::path::Path;
+
+use upm_core::document::{Diagnostic, reason};
 use upm_core::rig::RigError;
 
 /// Reason why a job was not run, or its files were not written.
@@ -42,6 +45,11 @@ impl From<Diagnostic> for RunError {
 }
 
 impl RunError {
+    /// The file at `path` could not be written.
+    pub(crate) fn write(path: &Path, error: &io::Error) -> Self {
+        Self::Write { path: path.display().to_string(), reason: reason(error) }
+    }
+
     /// Message with one line per fault.
     pub fn lines(&self) -> Vec<String> {
         self.to_string().lines().map(str::to_owned).collect()

@@ -32,7 +32,8 @@ fn job_of(task: &Value, faults: &Value) -> JobSpec {
 
 /// The parts of [`job`], moved without a pause.
 fn moving(faults: &Value) -> Report {
-    let job = job(faults).with_camera(CameraMode::Positions).with_planner(PlannerChoice::MovingField);
+    let mut job = job(faults).with_camera(CameraMode::Positions);
+    job.document.planner = PlannerChoice::MovingField;
     played(&job).1.report
 }
 

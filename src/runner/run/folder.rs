@@ -7,7 +7,7 @@ use serde_json::json;
 use super::error::RunError;
 use super::machine::machine;
 use super::setup::RunSetup;
-use crate::config::{JobSpec, reason};
+use crate::config::JobSpec;
 use upm_control::{FrameFacts, Sink};
 use upm_core::document::pretty;
 use upm_core::files::{sync_folder, write_whole};
@@ -36,18 +36,18 @@ impl RunFolder {
     /// Creates `OUT/<name>-<seed>-<utc>/`, with a number appended if that exists.
     pub fn create(out: &Path, job: &JobSpec, started_utc: &str) -> Result<Self, RunError> {
         let plain = Self::name(job, started_utc);
-        let failed = |path: &Path, reason: String| RunError::Write { path: path.display().to_string(), reason };
-        fs::create_dir_all(out).map_err(|error| failed(out, reason(&error)))?;
+        fs::create_dir_all(out).map_err(|error| RunError::write(out, &error))?;
         for number in 1..MOST_NAMESAKES {
             let name = if number == 1 { plain.clone() } else { format!("{plain}-{number}") };
             let path = out.join(name);
             match fs::create_dir(&path) {
                 Ok(()) => return Ok(Self(path)),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-                Err(error) => return Err(failed(&path, reason(&error))),
+                Err(error) => return Err(RunError::write(&path, &error)),
             }
         }
-        Err(failed(&out.join(plain), "too many runs of this name in this second".into()))
+        let reason = "too many runs of this name in this second".into();
+        Err(RunError::Write { path: out.join(plain).display().to_string(), reason })
     }
 
     /// Name of a run folder that is the first of its name.
@@ -78,8 +78,8 @@ impl RunFolder {
         &self.0
     }
 
-    pub(super) fn write_error(&self, name: &str, error: &dyn std::fmt::Display) -> RunError {
-        RunError::Write { path: self.0.join(name).display().to_string(), reason: error.to_string() }
+    pub(super) fn write_error(&self, name: &str, error: &io::Error) -> RunError {
+        RunError::write(&self.0.join(name), error)
     }
 
     /// Writes `effective.json`: version, machine, camera, and the job with rig, library and all defaults written out.
@@ -103,21 +103,20 @@ impl RunFolder {
                     recording_options.journal.clone(),
                 )
             })
-            .map_err(|error| self.write_error("journal.jsonl", &reason(&error)))
+            .map_err(|error| self.write_error("journal.jsonl", &error))
     }
 
     /// Writes `value` into a file, whole and with its name safe over a power cut, on a disk that can.
     pub(super) fn write_json(&self, name: &str, value: &impl serde::Serialize) -> Result<(), RunError> {
-        let text = serde_json::to_string_pretty(value).map_err(|error| self.write_error(name, &error))?;
+        let text = serde_json::to_string_pretty(value).map_err(|error| self.write_error(name, &error.into()))?;
         self.write_text(name, text)
     }
 
     fn write_text(&self, name: &str, text: String) -> Result<(), RunError> {
         // atomic: a file under its final name is complete and on the disk
         let draft = self.0.join(format!("{name}.part"));
-        File::create(&draft)
-            .and_then(|file| write_whole(file, &draft, &self.0.join(name), (text + "\n").as_bytes()))
-            .map_err(|error| self.write_error(name, &reason(&error)))?;
+        let written = write_whole(&draft, &self.0.join(name), (text + "\n").as_bytes());
+        written.map_err(|error| self.write_error(name, &error))?;
         sync_folder(&self.0).ok();
         Ok(())
     }
@@ -134,8 +133,8 @@ impl TruthLog {
         if setup.faults.is_empty() {
             return Ok(Self(Ok(None)));
         }
-        let file = File::create(folder.path().join(TRUTH_FILE))
-            .map_err(|error| folder.write_error(TRUTH_FILE, &reason(&error)))?;
+        let file =
+            File::create(folder.path().join(TRUTH_FILE)).map_err(|error| folder.write_error(TRUTH_FILE, &error))?;
         Ok(Self(Ok(Some((setup.truth.clone(), BufWriter::new(file))))))
     }
 

@@ -203,7 +203,8 @@ mod tests {
 
     #[test]
     fn callers_task_replaces_the_jobs_and_has_no_verdict() {
-        let job = job(json!([])).with_planner(PlannerChoice::SynthesizedField);
+        let mut job = job(json!([]));
+        job.document.planner = PlannerChoice::SynthesizedField;
         let report = InMemoryRun::new(&job).unwrap().with_task(HoldForFrames(3)).run();
         // the probe is the first pulse of every run
         assert_eq!((report.outcome, report.work.pulses), (Outcome::Completed, 1), "{}", report.reason);

@@ -1,11 +1,9 @@
 use std::fs::{self, File};
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::RunError;
 use crate::config::{Diagnostic, DiagnosticClass, JobSpec, LibraryRef, RigSpec, place_parts};
-use upm_core::document::reason;
 use upm_core::files::write_whole;
 use upm_core::random::Streams;
 use upm_planning::cor_library::Library;
@@ -86,15 +84,12 @@ pub struct LibraryOutput {
 impl LibraryOutput {
     /// Checks, before anything is measured, that a library can be written to `out`.
     pub fn check(out: &Path) -> Result<Self, RunError> {
-        let is_plain = fs::metadata(out).map_or(true, |found| found.is_file());
-        let Some(name) = out.file_name().filter(|_| is_plain) else {
+        if out.file_name().is_none() || fs::metadata(out).is_ok_and(|found| !found.is_file()) {
             let file = out.display().to_string();
             return Err(Diagnostic::new(&file, "$", "a folder or device", "the path of a file").into());
-        };
-        let mut name = name.to_owned();
-        name.push(".part");
-        let draft = out.with_file_name(name);
-        File::create(&draft).map_err(|error| not_written(out, &error))?;
+        }
+        let draft = out.with_added_extension("part");
+        File::create(&draft).map_err(|error| RunError::write(out, &error))?;
         Ok(Self { out: out.to_owned(), draft })
     }
 
@@ -102,14 +97,8 @@ impl LibraryOutput {
     pub fn replace(self, library: &Library, rig: &RigSpec) -> Result<(), RunError> {
         let (text, file) = (library.to_json(), self.out.display().to_string());
         fitting(Library::from_json(&text, &file)?, &file, rig)?;
-        File::create(&self.draft)
-            .and_then(|draft| write_whole(draft, &self.draft, &self.out, text.as_bytes()))
-            .map_err(|error| not_written(&self.out, &error))
+        write_whole(&self.draft, &self.out, text.as_bytes()).map_err(|error| RunError::write(&self.out, &error))
     }
-}
-
-fn not_written(out: &Path, error: &io::Error) -> RunError {
-    RunError::Write { path: out.display().to_string(), reason: reason(error) }
 }
 
 impl Drop for LibraryOutput {

@@ -6,12 +6,11 @@ use super::planner_selection::PlannerSelection;
 use super::setup::{LEAD_M, LONGEST_STEP_M};
 use super::tolerance::tolerance_warning;
 use crate::config::{Diagnostic, JobSpec, TaskSpec};
-use upm_core::geometry::{Polyline, Vec2};
+use upm_core::geometry::Vec2;
 use upm_core::rig::RigModel;
 use upm_core::units::mm_from_m;
 use upm_planning::cor_library::Library;
 use upm_planning::planner::PlanningMethod;
-use upm_planning::task::PathParams;
 
 /// Share of the rest after the longest pulse that comes after every pulse.
 const LEAST_REST: f64 = 0.5;
@@ -74,11 +73,12 @@ fn most_speed_mps(method: PlanningMethod, model: &RigModel, library: &Library) -
 fn time_warning(job: &JobSpec) -> Option<Diagnostic> {
     let time_s = |task: &TaskSpec| match task {
         TaskSpec::Trajectories { paths, in_phase, .. } => {
-            paths.iter().map(|path| length_m(path, *in_phase) / path.speed_mps).fold(0.0, f64::max)
+            let with_end = paths.iter().filter(|path| path.repeat > 0);
+            with_end.map(|path| path.length_m(*in_phase) / path.speed_mps).fold(0.0, f64::max)
         }
         _ => 0.0,
     };
-    let all_s = f64::from(job.repeat) * job.each_task().map(time_s).sum::<f64>();
+    let all_s = f64::from(job.document.repeat) * job.each_task().map(time_s).sum::<f64>();
     (all_s > job.plate_time_limit_s).then(|| {
         let found = format!("{}, which ends before the paths", job.plate_time_limit_s);
         let allowed = format!("more than {all_s:.1}, which the paths take at the speed asked");
@@ -89,7 +89,7 @@ fn time_warning(job: &JobSpec) -> Option<Diagnostic> {
 fn density_warning(job: &JobSpec, task: &TaskSpec) -> Option<Diagnostic> {
     let TaskSpec::Arrange { targets_m, .. } = task else { return None };
     let kinds = job.kinds_of_parts();
-    let disc = |(to_m, kind): (&Option<Vec2>, &usize)| Some(((*to_m)?, job.kind(*kind)?.kind.radius_m));
+    let disc = |(to_m, kind): (&Option<Vec2>, &usize)| Some(((*to_m)?, job.rig.kinds.get(*kind)?.kind.radius_m));
     let discs: Vec<(Vec2, f64)> = targets_m.iter().zip(&kinds).filter_map(disc).collect();
     let pairs = discs.iter().enumerate().flat_map(|(i, a)| discs[..i].iter().map(move |b| (a, b)));
     let dense = pairs.map(|(a, b)| (a.0 - b.0).norm() - a.1 - b.1).filter(|gap_m| *gap_m < DENSE_M).count();
@@ -98,16 +98,6 @@ fn density_warning(job: &JobSpec, task: &TaskSpec) -> Option<Diagnostic> {
         let allowed = format!("{:.1} mm or more between rims, or fewer parts at a time", mm_from_m(DENSE_M));
         Diagnostic::new(&job.file, "parts", found, allowed)
     })
-}
-
-/// Length of all laps of a path, m; 0 for an endless one.
-fn length_m(path: &PathParams, in_phase: bool) -> f64 {
-    let Some(laps) = path.repeat.checked_sub(1) else { return 0.0 };
-    let mut corners_m = path.waypoints_m.clone();
-    let once_m = Polyline::new(corners_m.clone()).length_m();
-    corners_m.extend(corners_m.first().copied());
-    let lap_m = Polyline::new(corners_m).length_m();
-    f64::from(laps) * lap_m + if in_phase { lap_m } else { once_m }
 }
 
 #[cfg(test)]

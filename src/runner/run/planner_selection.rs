@@ -19,29 +19,34 @@ impl PlannerSelection {
     pub fn of(job: &JobSpec) -> Self {
         let parts: usize = job.parts.iter().map(|group| group.count).sum();
         let obstacle = moving_obstacle(&job.rig, moves_parts(job));
-        let named = |method| (method, "named_by_job", "the job names it".to_owned());
-        let (method, code, why) = match job.planner {
-            PlannerChoice::CorSequence => named(PlanningMethod::CorSequence),
-            PlannerChoice::SynthesizedField => named(PlanningMethod::SynthesizedField),
-            PlannerChoice::MovingField => named(PlanningMethod::MovingField),
-            PlannerChoice::PseudoInverse => named(PlanningMethod::PseudoInverse),
-            PlannerChoice::Auto if job.rig.model.fields.is_none() => {
-                (PlanningMethod::CorSequence, "no_fields", "the rig has no fields".to_owned())
-            }
-            PlannerChoice::Auto if obstacle.is_none() && goes_to_places(job) => {
-                (PlanningMethod::MovingField, "to_places", "the rig has fields and parts go to places".to_owned())
-            }
-            PlannerChoice::Auto if parts < SEVERAL => {
-                (PlanningMethod::CorSequence, "one_part", "the job moves one part".to_owned())
-            }
-            PlannerChoice::Auto => {
-                let follows = || "pauses keep parts closer to their paths".to_owned();
-                let why = obstacle.map_or_else(follows, |(found, _)| format!("no motion without pauses {found}"));
-                let why = format!("the rig has fields and the job moves {parts} parts; {why}");
-                (PlanningMethod::SynthesizedField, "several_parts", why)
-            }
+        let (method, code, why) = if let Some(named) = PlanningMethod::of_code(job.document.planner.code()) {
+            (named, "named_by_job", "the job names it".to_owned())
+        } else if job.rig.model.fields.is_none() {
+            (PlanningMethod::CorSequence, "no_fields", "the rig has no fields".to_owned())
+        } else if obstacle.is_none() && goes_to_places(job) {
+            (PlanningMethod::MovingField, "to_places", "the rig has fields and parts go to places".to_owned())
+        } else if parts < SEVERAL {
+            (PlanningMethod::CorSequence, "one_part", "the job moves one part".to_owned())
+        } else {
+            let follows = || "pauses keep parts closer to their paths".to_owned();
+            let why = obstacle.as_ref().map_or_else(follows, |(found, _)| format!("no motion without pauses {found}"));
+            let why = format!("the rig has fields and the job moves {parts} parts; {why}");
+            (PlanningMethod::SynthesizedField, "several_parts", why)
         };
-        Self::new(job, method, code, why)
+        let is_possible = |method: PlanningMethod| match method {
+            PlanningMethod::MovingField => obstacle.is_none(),
+            PlanningMethod::SynthesizedField => job.rig.model.fields.is_some(),
+            PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => true,
+        };
+        let others = PlanningMethod::ALL.into_iter().rev().filter(|other| *other != method && is_possible(*other));
+        let report = PlannerReport {
+            name: method.code().into(),
+            chosen: if job.document.planner == PlannerChoice::Auto { SelectedBy::Auto } else { SelectedBy::Job },
+            code: code.into(),
+            why,
+            alternatives: others.map(|other| other.code().into()).collect(),
+        };
+        Self { method, report }
     }
 
     /// Falls back, for a rig that plays one pulse at a time; a planner that the job names stays.
@@ -52,30 +57,6 @@ impl PlannerSelection {
             self.report.why += "; the rig plays one pulse at a time";
             self.report.alternatives.retain(|other| *other != self.report.name);
         }
-    }
-
-    /// The selection of `method` for `job`; the reason has the stable `code` and is `why` in words.
-    pub(super) fn new(job: &JobSpec, method: PlanningMethod, code: &str, why: String) -> Self {
-        let is_possible = |method: PlanningMethod| match method {
-            PlanningMethod::MovingField => moving_obstacle(&job.rig, moves_parts(job)).is_none(),
-            PlanningMethod::SynthesizedField => job.rig.model.fields.is_some(),
-            PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => true,
-        };
-        let possible = [
-            PlanningMethod::MovingField,
-            PlanningMethod::SynthesizedField,
-            PlanningMethod::CorSequence,
-            PlanningMethod::PseudoInverse,
-        ];
-        let is_other = |other: &PlanningMethod| *other != method && is_possible(*other);
-        let report = PlannerReport {
-            name: method.code().into(),
-            chosen: if job.planner == PlannerChoice::Auto { SelectedBy::Auto } else { SelectedBy::Job },
-            code: code.into(),
-            why,
-            alternatives: possible.into_iter().filter(is_other).map(|other| other.code().into()).collect(),
-        };
-        Self { method, report }
     }
 }
 

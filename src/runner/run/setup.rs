@@ -97,7 +97,10 @@ impl RunSetup {
             lost_after_frames: lost_after_frames(model.frame_hz),
             method: planner.method,
             planner: planner_params(&model),
-            guards: Guards { without: job.without_guard, false_alarms_per_1000_h: job.false_alarms_per_1000_h },
+            guards: Guards {
+                without: job.without_guard,
+                false_alarms_per_1000_h: job.document.false_alarms_per_1000_h,
+            },
             kinds,
         };
         let task = each_task(job, library, &placed, planner.method);
@@ -161,11 +164,6 @@ impl RunSetup {
         own.map(|(_, what)| format!("the {what} is the caller's own: verify cannot repeat this run")).collect()
     }
 
-    /// True where a verdict by the truth can be given.
-    pub(super) fn is_judged(&self) -> bool {
-        !self.has_own_task && self.own_rig.is_none()
-    }
-
     /// Truth of the run; `None` on a rig of the caller's.
     pub(super) fn known_truth(&self) -> Option<GroundTruthHandle> {
         self.own_rig.is_none().then(|| self.truth.clone())
@@ -223,11 +221,11 @@ fn stride_m(library: &Library) -> f64 {
 
 /// The job's task, or its tasks one after another.
 fn each_task(job: &JobSpec, library: &Arc<Library>, placed: &[PlacedPart], method: PlanningMethod) -> Box<dyn Task> {
-    if job.earlier.is_empty() && job.repeat == 1 {
+    if job.earlier.is_empty() && job.document.repeat == 1 {
         return task(job, &job.task, library, placed, method);
     }
     let in_round = job.earlier.len() + 1;
-    let of = Some(in_round * job.repeat as usize).filter(|of| *of > 0);
+    let of = Some(in_round * job.document.repeat as usize).filter(|of| *of > 0);
     let (job, library, placed) = (job.clone(), library.clone(), placed.to_vec());
     let at = move |index: usize| -> Box<dyn Task> {
         let spec = job.earlier.get(index % in_round).unwrap_or(&job.task);

@@ -54,7 +54,7 @@ pub fn first_frame(job: &JobSpec) -> Result<FirstFrame, RunError> {
     let corners_px = [[-h, h], [h, h], [h, -h], [-h, -h]].map(|[x, y]| seen_px(Vec2::new(x, y)));
     let truth = rig.probe().read();
     let parts = truth.parts.iter().zip(placed).map(|(part, placed)| TruePart {
-        kind: job.kind(placed.kind).map(|spec| spec.kind.name.clone()).unwrap_or_default(),
+        kind: job.rig.kinds.get(placed.kind).map(|spec| spec.kind.name.clone()).unwrap_or_default(),
         id: placed.id,
         position_m: part.part_in_table.position_m,
         foot_px: seen_px(part.part_in_table.position_m),

@@ -117,7 +117,10 @@ impl<'a> Repetition<'a> {
             .filter(|line| !event_of(line).is_some_and(|event| event["code"] == RECORDING_FAILED))
             .filter(|line| !was_killed || line.ends_with('\n'))
             .collect();
-        let (extent, lines) = match lines_before_stop(&recorded) {
+        let is_stop = |&at: &usize| event_of(recorded[at]).is_some_and(|event| is_external_stop(&event));
+        // the event of a stop from outside and a cycle that never ended have no counterpart in the repetition
+        let before_stop = (recorded.len().saturating_sub(TAIL_LINES)..recorded.len()).find(is_stop);
+        let (extent, lines) = match before_stop {
             Some(lines) => (Extent::Stopped, lines),
             None if was_killed => (Extent::Killed, recorded.len()),
             None => (Extent::Whole, recorded.len()),
@@ -198,13 +201,6 @@ fn event_of(line: &str) -> Option<Value> {
 fn is_external_stop(event: &Value) -> bool {
     event["outcome"].is_string()
         && event["code"].as_str().and_then(StopCause::of_code).is_some_and(StopCause::is_external)
-}
-
-/// Number of lines before the stop from outside; `None` for a run that was not stopped. The lines after it, the event
-/// and a cycle that never ended, have no counterpart in the repetition.
-fn lines_before_stop(journal: &[&str]) -> Option<usize> {
-    let is_stop = |&at: &usize| event_of(journal[at]).is_some_and(|event| is_external_stop(&event));
-    (journal.len().saturating_sub(TAIL_LINES)..journal.len()).find(is_stop)
 }
 
 #[cfg(test)]

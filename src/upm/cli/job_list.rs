@@ -80,7 +80,7 @@ fn is_job(file: &Path) -> bool {
 fn parts(job: &JobSpec) -> String {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for group in &job.parts {
-        *counts.entry(job.kind(group.kind).map_or("part", |spec| &spec.kind.name)).or_default() += group.count;
+        *counts.entry(job.rig.kinds.get(group.kind).map_or("part", |spec| &spec.kind.name)).or_default() += group.count;
     }
     counts.into_iter().map(|(kind, count)| format!("{count} {kind}")).collect::<Vec<_>>().join(", ")
 }
