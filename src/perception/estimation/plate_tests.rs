@@ -7,7 +7,7 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
-use upm_core::geometry::Vec2;
+use upm_core::geometry::{Twist, Vec2};
 use upm_core::random::{Rng, Streams};
 use upm_core::signal::{CHANNELS, MISSING_SAMPLE};
 
