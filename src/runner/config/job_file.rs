@@ -10,7 +10,6 @@ use super::faults::MOST_FAULTS;
 use super::read::{NAME_PATTERN, optional_mm_point, optional_mm_points};
 use super::rig_file::RigSource;
 use super::shape_file::{CircleShape, LissajousShape, SvgShape, TargetRule};
-use upm_core::coded_enum;
 use upm_core::document::Path;
 use upm_core::geometry::Vec2;
 use upm_core::job::Bin;
@@ -227,25 +226,24 @@ pub enum Assignment {
     Fixed,
 }
 
-coded_enum! {
-    /// How motions are found.
-    #[derive(Default, schemars::JsonSchema)]
-    pub enum PlannerChoice {
-        /// The planner that suits rig and task: where the rig has `fields`, `moving_field` for `arrange` and `sort`, and
-        /// `synthesized_field` for other jobs of two parts or more; else `cor_sequence`.
-        #[default]
-        Auto = "auto",
-        /// Rotations about measured centres, one after another. Works on every rig that has a library.
-        CorSequence = "cor_sequence",
-        /// One motion of many harmonics a cycle, which moves every part its own step at once. Asks for a rig with
-        /// `fields`; much faster than rotations with several parts.
-        SynthesizedField = "synthesized_field",
-        /// Such motions one after another without a pause: the parts keep the speed that they have won. For `arrange`,
-        /// `sort` and `trajectories` on a rig with `fields`.
-        MovingField = "moving_field",
-        /// The papers' plain method, for comparison: fixed centres, the ideal field, the pseudo-inverse.
-        PseudoInverse = "pseudo_inverse",
-    }
+/// How motions are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PlannerChoice {
+    /// The planner that suits rig and task: where the rig has `fields`, `moving_field` for `arrange` and `sort`, and
+    /// `synthesized_field` for other jobs of two parts or more; else `cor_sequence`.
+    #[default]
+    Auto,
+    /// Rotations about measured centres, one after another. Works on every rig that has a library.
+    CorSequence,
+    /// One motion of many harmonics a cycle, which moves every part its own step at once. Asks for a rig with `fields`;
+    /// much faster than rotations with several parts.
+    SynthesizedField,
+    /// Such motions one after another without a pause: the parts keep the speed that they have won. For `arrange`,
+    /// `sort` and `trajectories` on a rig with `fields`.
+    MovingField,
+    /// The papers' plain method, for comparison: fixed centres, the ideal field, the pseudo-inverse.
+    PseudoInverse,
 }
 
 /// Policy for a computer that is too slow for the plate. It changes no journal.

@@ -2,6 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use serde_json::json;
+
 use super::job_file::{JobFile, PlannerChoice, TaskSection};
 use super::rig::RigSpec;
 use upm_core::document::{Diagnostics, Path};
@@ -20,7 +22,7 @@ pub(super) fn check_planner(document: &JobFile, rig: &RigSpec, root: &Path, faul
         PlannerChoice::SynthesizedField => return,
     };
     if let Some((found, allowed)) = obstacle {
-        let found = format!("{:?} {found}", document.planner.code());
+        let found = format!("{} {found}", json!(document.planner));
         faults.push(root.key("planner"), found, format!("auto, {others}, or {allowed}"));
     }
 }

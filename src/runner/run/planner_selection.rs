@@ -1,3 +1,5 @@
+use serde_json::json;
+
 use crate::config::{JobSpec, PlannerChoice, TaskSpec, moving_obstacle};
 use upm_planning::planner::PlanningMethod;
 use upm_recording::{PlannerReport, SelectedBy};
@@ -19,7 +21,8 @@ impl PlannerSelection {
     pub fn of(job: &JobSpec) -> Self {
         let parts: usize = job.parts.iter().map(|group| group.count).sum();
         let obstacle = moving_obstacle(&job.rig, moves_parts(job));
-        let (method, code, why) = if let Some(named) = PlanningMethod::of_code(job.document.planner.code()) {
+        let named = json!(job.document.planner).as_str().and_then(PlanningMethod::of_code);
+        let (method, code, why) = if let Some(named) = named {
             (named, "named_by_job", "the job names it".to_owned())
         } else if job.rig.model.fields.is_none() {
             (PlanningMethod::CorSequence, "no_fields", "the rig has no fields".to_owned())
