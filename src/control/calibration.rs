@@ -46,8 +46,8 @@ impl CalibrationSession<'_> {
     /// stopped, and [`CalibrationError::Trace`] when a trace cannot be read. A channel, coil or axis that fails its
     /// check is [`CalibrationError::Channel`], [`CalibrationError::NotRigid`], [`CalibrationError::Coil`],
     /// [`CalibrationError::Coupled`], [`CalibrationError::Still`] or [`CalibrationError::Resonance`].
-    pub fn axes(mut self, params: &CalibrationParams) -> Result<Axes, CalibrationError> {
-        axes::measure(&mut self, params)
+    pub fn axes(mut self) -> Result<Axes, CalibrationError> {
+        axes::measure(&mut self)
     }
 
     /// The part of a library that needs accelerometers only: the axes, then every motion as strong as the motors allow.
@@ -55,9 +55,9 @@ impl CalibrationSession<'_> {
     /// # Errors
     /// As [`Self::axes`]; [`CalibrationError::Singular`] when the axes do not move the plate independently.
     pub fn steer(mut self, params: &CalibrationParams) -> Result<(Axes, Vec<Entry>), CalibrationError> {
-        let axes = axes::measure(&mut self, params)?;
+        let axes = axes::measure(&mut self)?;
         let motions = steering::wanted(&axes, self.model, params);
-        let entries = steering::measure(&mut self, &axes, params, &motions)?;
+        let entries = steering::measure(&mut self, &axes, &motions)?;
         Ok((axes, entries))
     }
 
@@ -66,8 +66,8 @@ impl CalibrationSession<'_> {
     ///
     /// # Errors
     /// As [`Self::axes`].
-    pub fn fields(mut self, params: &CalibrationParams) -> Result<Option<FieldResponse>, CalibrationError> {
-        axes::measure(&mut self, params)?;
+    pub fn fields(mut self) -> Result<Option<FieldResponse>, CalibrationError> {
+        axes::measure(&mut self)?;
         fields::measure(&mut self)
     }
 
@@ -76,8 +76,8 @@ impl CalibrationSession<'_> {
     ///
     /// # Errors
     /// As [`Self::axes`].
-    pub fn resonances(mut self, params: &CalibrationParams) -> Result<Option<[OscillatorFit; 3]>, CalibrationError> {
-        axes::measure(&mut self, params)?;
+    pub fn resonances(mut self) -> Result<Option<[OscillatorFit; 3]>, CalibrationError> {
+        axes::measure(&mut self)?;
         resonance::measure(&mut self)
     }
 
@@ -89,13 +89,13 @@ impl CalibrationSession<'_> {
     /// closing pulses differ from the opening ones.
     pub fn library(mut self, fingerprint: &str, params: &CalibrationParams) -> Result<Library, CalibrationError> {
         let (model, session) = (self.model, &mut self);
-        let axes = axes::measure(session, params)?;
+        let axes = axes::measure(session)?;
         let plate = resonance::measure(session)?.map(|axes| PlateResponse {
             natural_radps: axes.each_ref().map(|axis| axis.natural_radps),
             damping_ratio: axes.each_ref().map(|axis| axis.damping_ratio),
         });
         session.plate = plate.unwrap_or_default();
-        let motions = displacement::motions(0.5 * model.plate_side_m, params.gentle_mps);
+        let motions = displacement::motions(0.5 * model.plate_side_m);
         let mut library = Library {
             rig: model.name.clone(),
             fingerprint: fingerprint.to_owned(),
@@ -106,7 +106,7 @@ impl CalibrationSession<'_> {
             rest_s: model.rest_s,
             accelerometer_gain: axes.accelerometer_gain,
             shapes: axes.shapes,
-            entries: steering::measure(session, &axes, params, &motions)?,
+            entries: steering::measure(session, &axes, &motions)?,
             displacement: Default::default(),
             camera_noise: None,
             fields: None,
@@ -114,7 +114,7 @@ impl CalibrationSession<'_> {
         };
         let (displacement, noise) = displacement::measure(session, &library, params)?;
         (library.displacement, library.camera_noise) = (displacement, Some(noise));
-        library.entries = steering::measure(session, &axes, params, &steering::wanted(&axes, model, params))?;
+        library.entries = steering::measure(session, &axes, &steering::wanted(&axes, model, params))?;
         library.fields = fields::measure(session)?;
         closing::check(session, &axes)?;
         Ok(library)

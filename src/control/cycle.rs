@@ -1,5 +1,6 @@
 mod end;
 mod moving;
+mod planning;
 mod play;
 mod probe;
 
@@ -7,12 +8,13 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::findings::Findings;
-use super::found::{Found, Reason, finding_of_plan};
+use super::found::{Found, Reason};
+use super::gain_estimator::GainEstimator;
 use super::guards::{MotionGuard, StepGuard};
 use super::hindrance::past;
 use super::params::ControlParams;
 use super::perception::{FramePurpose, Perception};
-use super::planning::{Planning, STALLED_S};
+use super::progress::ProgressWatch;
 use super::pulse_planner::PulsePlanner;
 use super::run_end::{OrEnd, RunEnd, check_stop};
 use super::{CycleFacts, EventFacts, EventKind, EventLevel, RunIo};
@@ -21,8 +23,10 @@ use upm_core::job::{Evidence, Finding, Outcome};
 use upm_core::time::PlateTime;
 use upm_core::units::{GRAVITY_MPS2, mm_from_m};
 use upm_planning::cor_library::Library;
-use upm_planning::planner::{Plan, PlanningMethod};
+use upm_planning::planner::PlanningMethod;
 use upm_planning::task::{LateLap, Setpoints, Task};
+
+pub use self::planning::fallbacks;
 
 /// Factor for the wanted steps while coils or accelerometers are in doubt, and the length, m, below which steps are not
 /// shortened.
@@ -33,6 +37,9 @@ const CAUTIOUS_STEP_M: f64 = 2e-3;
 /// it no longer is.
 const SLOW: f64 = 0.7;
 const NOT_SLOW: f64 = 0.75;
+
+/// Plate time without a pulse after which a run counts as stalled, s.
+const STALLED_S: f64 = 10.0;
 
 /// Largest friction of a part on the plate: of dry metal.
 const MOST_FRICTION: f64 = 0.5;
@@ -65,7 +72,9 @@ pub fn run(mut io: RunIo<'_>, library: &Arc<Library>, task: &mut dyn Task, param
     let finish = match open(&mut io) {
         Ok((planner, perception)) => {
             let mut cycle = ControlCycle {
-                planning: Planning::new(params, library, planner, 0.5 * io.model.plate_side_m),
+                planner,
+                gains: GainEstimator::new(params.parts.len(), 0.5 * io.model.plate_side_m),
+                watch: ProgressWatch::new(params.follows_paths, params.tolerance_m),
                 load_mps2: MOST_FRICTION * GRAVITY_MPS2 * params.parts_mass_kg() / io.model.plate_mass_kg,
                 io: &mut io,
                 library,
@@ -103,7 +112,9 @@ struct ControlCycle<'a, 'io> {
     task: &'a mut dyn Task,
     params: &'a ControlParams,
     perception: Perception,
-    planning: Planning<'a>,
+    planner: PulsePlanner,
+    gains: GainEstimator,
+    watch: ProgressWatch,
     findings: Findings,
     /// True when the last cycle had pulses and began a new sequence: the rest of a sequence may lead away before it
     /// leads near.
@@ -175,7 +186,7 @@ impl ControlCycle<'_, '_> {
             return self.finish(wanted.phase);
         }
         if is_first {
-            self.planning.check_controllable(&observed, &wanted)?;
+            self.check_controllable(&observed, &wanted)?;
             self.check_limits()?;
             // the first segment of a motion without pauses is a probe, too
             if self.moving().is_none() || wanted.asks_nothing(&observed) {
@@ -185,9 +196,7 @@ impl ControlCycle<'_, '_> {
         }
         self.warn_of_hindrances(&wanted, &observed);
         self.check_limits()?;
-        if self.planning.watch.observe(&wanted, &observed, self.played) && self.params.guards.has(Finding::NoProgress) {
-            return Err(self.planning.watch.ending(&wanted, &observed, self.params));
-        }
+        self.check_progress(&wanted, &observed, self.played)?;
         self.change_planner(&wanted, &observed);
         // where nothing is asked, the plate rests until a part has drifted, or time has passed
         if !wanted.asks_nothing(&observed)
@@ -226,11 +235,11 @@ impl ControlCycle<'_, '_> {
         let result = if seen { self.perception.positions_m() } else { self.observe_at_rest()? };
         if plan.pulses.is_empty() {
             // a task that advances by time alone asks for no pulse, nor does one without end whose parts have arrived
-            if wanted.progress > self.furthest || self.planning.rests_without_end(&wanted, &result) {
+            if wanted.progress > self.furthest || self.rests_without_end(&wanted, &result) {
                 (self.furthest, *last_pulse_at) = (wanted.progress, self.io.rig.now());
             }
             if self.io.rig.now() - *last_pulse_at > STALLED_S {
-                let blocking_part = self.planning.blocking_part(&wanted, &result);
+                let blocking_part = self.watch.blocking_part_description(&wanted, &result, self.params);
                 let reason = format!("stalled: no pulse for {STALLED_S} s of plate time; {blocking_part}");
                 return Err(RunEnd::failed_because(Finding::NoProgress, reason));
             }
@@ -268,20 +277,12 @@ impl ControlCycle<'_, '_> {
         }
     }
 
-    /// Plans the wanted steps, or the feasible share of them.
-    fn plan(&mut self, observed: &[Vec2], wanted: &Setpoints) -> OrEnd<Plan> {
-        let _span = tracing::trace_span!("plan").entered();
-        self.check_stop()?;
-        let whole = self.planning.states(observed, wanted, |step_m| self.cautious(step_m));
-        let Self { planning, findings, io, params, .. } = self;
-        planning.plan(self.index, wanted, &whole, |plan, is_part| {
-            let found = finding_of_plan(&plan.status, |part| params.id(part));
-            if let Some((finding, why)) = found.filter(|_| !is_part) {
-                let reason = format!("steps are cut short or made one part at a time, because {why}");
-                findings.note(io.rig.now(), finding, reason, io.sink);
-            }
-            check_stop(io.stop)
-        })
+    /// Takes an observation, after pulses if `played`, and ends a run that no longer makes progress.
+    fn check_progress(&mut self, wanted: &Setpoints, seen_m: &[Vec2], played: bool) -> OrEnd {
+        if self.watch.observe(wanted, seen_m, played) && self.params.guards.has(Finding::NoProgress) {
+            return Err(self.watch.ending(wanted, seen_m, self.params));
+        }
+        Ok(())
     }
 
     /// The step to take where `step_m` is wanted: a worsening fault then carries parts less far before it is detected.
@@ -296,7 +297,7 @@ impl ControlCycle<'_, '_> {
     /// Notes each part that moves much less far than calibration predicts.
     fn warn_of_slow_parts(&mut self) {
         for part in 0..self.params.parts.len() {
-            let (slow, gain) = (Found::about(Finding::PartSlow, part), self.planning.gains.of_part(part));
+            let (slow, gain) = (Found::about(Finding::PartSlow, part), self.gains.of_part(part));
             let below = if self.findings.holds(slow) { NOT_SLOW } else { SLOW };
             if gain < below {
                 let reason =

@@ -14,13 +14,12 @@ mod guards;
 mod hindrance;
 mod params;
 mod perception;
-mod planning;
 mod progress;
 mod pulse_planner;
 mod run_end;
 mod run_io;
 
-pub use cycle::{FinalState, run};
+pub use cycle::{FinalState, fallbacks, run};
 pub use facts::{
     ConfirmedFacts, CycleFacts, EventFacts, EventKind, FrameFacts, LocalisedFacts, PulseFacts, PulsePositions, Sink,
 };
@@ -29,7 +28,6 @@ pub use gain_estimator::GainEstimator;
 pub use guards::Guards;
 pub use params::ControlParams;
 pub use perception::ExpectedPart;
-pub use planning::fallbacks;
 pub use pulse_planner::OwnPlanner;
 pub use run_end::RunEnd;
 pub use run_io::RunIo;

@@ -59,7 +59,6 @@ pub struct Perception {
     tracker: Tracker,
     scene: SceneMonitor,
     guards: Guards,
-    kinds: Vec<PartKind>,
     model: RigModel,
     /// Time since which nothing can be seen, and the first finding.
     blind: Option<(PlateTime, Finding)>,
@@ -101,7 +100,6 @@ impl Perception {
             tracker,
             scene,
             guards,
-            kinds: kinds.to_vec(),
             model: model.clone(),
             blind: None,
             motors_stopped: false,
@@ -213,7 +211,7 @@ impl Perception {
         let Some((finding, why)) = blind else {
             if let Some((_, Finding::CameraDark | Finding::ViewHidden)) = self.blind.take() {
                 // the plate's appearance behind a hand is unreliable
-                self.scene.forget_plate(&self.table, &self.frame, &self.kinds, self.model.dark_parts);
+                self.scene.forget_plate(&self.table, &self.frame);
                 self.foreign = 0;
             }
             return Ok(());

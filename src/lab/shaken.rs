@@ -55,7 +55,7 @@ impl BarePlate {
 
     /// The axes' response as determined by calibration.
     pub fn axes(&mut self) -> Result<Axes, LabError> {
-        self.calibrated(|session, params| session.axes(params))
+        self.calibrated(|session, _| session.axes())
     }
 
     /// Measurements by a session of calibration.

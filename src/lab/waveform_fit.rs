@@ -78,7 +78,7 @@ fn against_truth(lab: &LabRig, drive: &Drive, fit: &TwistFit) -> Vec<Figure> {
 
 /// Adds natural frequency and damping ratio of every axis to `outcome`.
 fn add_resonances(lab: &LabRig, plate: &mut BarePlate, outcome: &mut ExperimentResult) -> Result<(), LabError> {
-    let Some(found) = plate.calibrated(|session, params| session.resonances(params))? else {
+    let Some(found) = plate.calibrated(|session, _| session.resonances())? else {
         outcome.notes.push("resonances: the rig's longest sustain is too short to tell them".to_owned());
         return Ok(());
     };

@@ -73,14 +73,11 @@ fn gap(a: &PartBody, b: &PartBody) -> f64 {
     let reach_m = a.radius_m + b.radius_m;
     let apart = b.motion.part_in_table.position_m - a.motion.part_in_table.position_m;
     let distance2 = apart.norm_squared();
-    if distance2 > (reach_m + HORIZON_M).powi(2) || !(a.motion.on_plate && b.motion.on_plate) || is_point(a, b) {
+    let can_touch = |body: &PartBody| body.motion.on_plate && body.radius_m != 0.0;
+    if distance2 > (reach_m + HORIZON_M).powi(2) || !(can_touch(a) && can_touch(b)) {
         return HORIZON_M;
     }
     distance2.sqrt() - reach_m
-}
-
-fn is_point(a: &PartBody, b: &PartBody) -> bool {
-    a.radius_m == 0.0 || b.radius_m == 0.0
 }
 
 /// Resolves two overlapping discs: by an impulse if they approach, else by separating them.

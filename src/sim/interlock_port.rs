@@ -11,20 +11,15 @@ pub(super) struct InterlockPort {
 
 impl InterlockPort {
     pub(super) fn attach(&mut self, interlock: &Interlock, now: PlateTime) -> Result<(), RigError> {
-        match interlock.attach(now) {
-            Some(guard) => self.guard = Some(guard),
-            None => return Err(RigError::Device("the interlock is fitted to another rig".into())),
-        }
+        let refused = || RigError::Device("the interlock is fitted to another rig".into());
+        self.guard = Some(interlock.attach(now).ok_or_else(refused)?);
         Ok(())
-    }
-
-    pub(super) fn tripped(&self) -> Option<Trip> {
-        self.guard.as_ref().and_then(|guard| guard.tripped())
     }
 
     /// Returns `Err` once tripped.
     pub(super) fn check(&self) -> Result<(), RigError> {
-        self.tripped().map_or(Ok(()), |trip| Err(RigError::Stopped(trip)))
+        let trip = self.guard.as_ref().and_then(|guard| guard.tripped());
+        trip.map_or(Ok(()), |trip| Err(RigError::Stopped(trip)))
     }
 
     /// Marks the start of a pulse; refused once tripped.

@@ -86,7 +86,8 @@ pub fn simulate(
     }
     check_pulses(params, mode, pulses, base_radps)?;
     let step_s = params.step_s;
-    let mut recorder = TrajectoryRecorder::new(parts.len(), sample_hz);
+    let done = OpenLoopTrajectories { t_s: Vec::new(), parts: vec![PartTrajectory::default(); parts.len()] };
+    let mut recorder = TrajectoryRecorder { sample_hz, done };
     match mode {
         PlateMode::Kinematic => {
             let mut moving = Parts::new(parts, &params.contact, params.plate.side_m, step_s);
@@ -179,11 +180,6 @@ struct TrajectoryRecorder {
 }
 
 impl TrajectoryRecorder {
-    fn new(parts: usize, sample_hz: f64) -> Self {
-        let done = OpenLoopTrajectories { t_s: Vec::new(), parts: vec![PartTrajectory::default(); parts] };
-        Self { sample_hz, done }
-    }
-
     /// Takes all samples due up to `now_s`, the time of `parts`, none older than one step.
     fn take_until(&mut self, now_s: f64, step_s: f64, parts: &Parts) {
         const ROUNDING_S: f64 = 1e-9;

@@ -39,11 +39,11 @@ pub struct PlateParams {
     pub inertia_kgm2: f64,
     /// Undamped natural frequency of each axis, Hz; below the drive's base frequency.
     #[serde(with = "axes")]
-    #[schemars(schema_with = "resonance_schema")]
+    #[schemars(schema_with = "axes_schema::<1000>")]
     pub resonance_hz: [f64; 3],
     /// Damping ratio of each axis: 1 is critical.
     #[serde(with = "axes")]
-    #[schemars(schema_with = "damping_schema")]
+    #[schemars(schema_with = "axes_schema::<2>")]
     pub damping_ratio: [f64; 3],
 }
 
@@ -67,15 +67,8 @@ file_form!(three_degrees: [f64; 3] => [f64; 3], |degrees| degrees.map(f64::to_ra
 file_form!(gray_levels: GrayLevels => [f64; 3], |levels| [levels.ground, levels.plate, levels.part],
     |&[ground, plate, part]| GrayLevels { ground, plate, part });
 
-fn resonance_schema(_: &mut SchemaGenerator) -> Schema {
-    axes_schema(1000.0)
-}
-
-fn damping_schema(_: &mut SchemaGenerator) -> Schema {
-    axes_schema(2.0)
-}
-
-fn axes_schema(most: f64) -> Schema {
+fn axes_schema<const MOST: u32>(_: &mut SchemaGenerator) -> Schema {
+    let most = f64::from(MOST);
     let value = |of: &str| json_schema!({ "description": of, "type": "number", "minimum": 0.0, "maximum": most });
     json_schema!({
         "type": "object", "required": ["x", "y", "spin"],

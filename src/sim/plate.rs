@@ -70,7 +70,7 @@ pub(crate) struct ShakenPlate {
     params: PlateParams,
     step_s: f64,
     axes: [Oscillator; 3],
-    inverse_inertia: [f64; 3],
+    inverse_inertia: Vector3<f64>,
     motions: [ModeState; 3],
     wrench: Wrench,
 }
@@ -83,7 +83,7 @@ impl ShakenPlate {
             params: *params,
             step_s,
             axes: axes(params, step_s, 1.0),
-            inverse_inertia: [inverse_mass, inverse_mass, params.inertia_kgm2.recip()],
+            inverse_inertia: Vector3::new(inverse_mass, inverse_mass, params.inertia_kgm2.recip()),
             motions: [ModeState::default(); 3],
             wrench: Wrench::default(),
         }
@@ -102,9 +102,9 @@ impl ShakenPlate {
 
     /// Advances one step. `wrench` is that at the step's end; over the step its mean with the previous one acts.
     pub fn step(&mut self, wrench: Wrench) {
-        let mean = self.inputs((self.wrench + wrench) * 0.5);
-        for ((axis, motion), input) in self.axes.iter().zip(&mut self.motions).zip(mean) {
-            *motion = axis.step(*motion, input);
+        let mean = ((self.wrench + wrench) * 0.5).component_mul(&self.inverse_inertia);
+        for ((axis, motion), input) in self.axes.iter().zip(&mut self.motions).zip(&mean) {
+            *motion = axis.step(*motion, *input);
         }
         self.wrench = wrench;
     }
@@ -112,7 +112,7 @@ impl ShakenPlate {
     /// Present pose, twist and acceleration.
     pub fn motion(&self) -> PlateMotion {
         let [x, y, spin] = self.motions;
-        let inputs = self.inputs(self.wrench);
+        let inputs = self.wrench.component_mul(&self.inverse_inertia);
         let acceleration = |i: usize| self.axes[i].acceleration(self.motions[i], inputs[i]);
         PlateMotion {
             plate_in_table: Pose { position_m: Vec2::new(x.position, y.position), heading_rad: spin.position },
@@ -125,10 +125,6 @@ impl ShakenPlate {
     pub fn settle(&mut self) {
         self.motions = [ModeState::default(); 3];
         self.wrench = Wrench::default();
-    }
-
-    fn inputs(&self, wrench: Wrench) -> [f64; 3] {
-        wrench.component_mul(&Vector3::from(self.inverse_inertia)).into()
     }
 }
 

@@ -5,7 +5,8 @@ use nalgebra::{Complex, Matrix3};
 use super::axis_pulse::{AROUND, AxisPulse, NAMES};
 use super::coils::CoilGains;
 use super::fault::LEAST_LAG_DEG;
-use super::{CalibrationError, CalibrationParams, CalibrationSession, MiswiredChannel};
+use super::session::EFFORT;
+use super::{CalibrationError, CalibrationSession, MiswiredChannel};
 use upm_core::phasor::argument;
 use upm_core::rig::RigModel;
 use upm_core::signal::{CHANNELS, Harmonic, MotorArrangement};
@@ -16,8 +17,10 @@ use upm_planning::cor_library::AxisShape;
 const PASSES: usize = 3;
 /// Amplitude, in counts, at which a waveform's peak is computed.
 const TRIAL_COUNTS: i32 = 10_000;
-/// Share of the count limit that the axis pulses use; the rest is room for the corrected waveform's higher peak.
-const EFFORT: f64 = 0.75;
+/// Sustain of an axis pulse, s.
+const READ_SUSTAIN_S: f64 = 0.25;
+/// Share of [`EFFORT`] that the axis pulses use; the rest is room for the corrected waveform's higher peak.
+const OF_EFFORT: f64 = 0.75;
 /// A channel that reads less than this share of the strongest one is dead: every channel sees at least one whole axis.
 const DEAD_CHANNEL: f64 = 0.1;
 /// Least and largest gain of a channel relative to the others.
@@ -44,11 +47,8 @@ fn axis_amplitudes(arrangement: MotorArrangement, axis: usize, counts: i32) -> (
     (arrangement.turned(AROUND[axis].map(|share| share * counts)), f64::from(amplitude))
 }
 
-pub(super) fn measure(
-    session: &mut CalibrationSession<'_>,
-    params: &CalibrationParams,
-) -> Result<Axes, CalibrationError> {
-    let sustain_s = session.read_sustain_s(params.read_sustain_s.max(0.25));
+pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Axes, CalibrationError> {
+    let sustain_s = session.read_sustain_s(READ_SUSTAIN_S);
     let arrangement = session.model.motor_arrangement;
     let mut shapes = [AxisShape::FREE_MASS; 3];
     let mut twist_from_counts = Matrix3::zeros();
@@ -59,7 +59,7 @@ pub(super) fn measure(
         for axis in 0..3 {
             session.report("axes", 3 * pass + axis, 3 * PASSES);
             let headroom = session.headroom(axis_amplitudes(arrangement, axis, TRIAL_COUNTS).0, &shapes);
-            let counts = EFFORT * params.effort * headroom * f64::from(TRIAL_COUNTS);
+            let counts = OF_EFFORT * EFFORT * headroom * f64::from(TRIAL_COUNTS);
             let (amplitudes, amplitude) = axis_amplitudes(arrangement, axis, counts as i32);
             let drive = session.drive(amplitudes, &shapes, sustain_s);
             let (pulse, [there, back]) = AxisPulse::play(session, axis, drive)?;

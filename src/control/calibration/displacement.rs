@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::super::facts::Sink;
 use super::super::guards::Guards;
 use super::super::perception::{FramePurpose, Perception};
-use super::steering::SteeringMotion;
+use super::steering::{GENTLE_MPS, SteeringMotion};
 use super::{CalibrationError, CalibrationParams, CalibrationSession};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::job::Finding;
@@ -16,7 +16,7 @@ use upm_planning::cor_library::{CameraNoise, DisplacementModel, Entry, Library};
 const SPEEDS: usize = 14;
 /// Weight of the penalty on curvature between nodes; it determines nodes that no coin passed.
 const SMOOTHING: f64 = 0.02;
-/// Speeds at which the gentle motions are measured, as multiples of the library's gentle speed: the model needs nodes
+/// Speeds at which the gentle motions are measured, as multiples of [`GENTLE_MPS`]: the model needs nodes
 /// on both sides of it.
 const GENTLE_STEPS: [f64; 3] = [0.6, 1.2, 4.0];
 /// The plate's edge keeps this distance from a coin's rim, m.
@@ -130,7 +130,7 @@ fn check_closing(opening: &[DisplacementSample], model: &DisplacementModel) -> R
 
 /// Motions that give coins all over the plate many speeds in many directions: centres on the plate and outside it, and
 /// translations, each as strong as the motors allow and gently.
-pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<SteeringMotion> {
+pub(super) fn motions(half_side_m: f64) -> Vec<SteeringMotion> {
     const CENTERS: [[f64; 2]; 8] =
         [[0.0, 0.0], [-0.6, -0.3], [0.3, 0.6], [0.6, -0.6], [-0.3, 0.3], [1.5, 0.7], [-1.2, 1.5], [-0.6, -2.0]];
     let centers = CENTERS.map(|[x, y]| Twist::about(Vec2::new(x, y) * half_side_m, 1.0));
@@ -141,7 +141,7 @@ pub(super) fn motions(half_side_m: f64, gentle_mps: f64) -> Vec<SteeringMotion> 
     let directions: Vec<Twist> = centers.into_iter().chain(translations).collect();
     let strong = directions.iter().map(|&direction| SteeringMotion { direction, top_mps: f64::INFINITY });
     let gentle = GENTLE_STEPS.iter().flat_map(|step| {
-        directions.iter().map(move |&direction| SteeringMotion { direction, top_mps: step * gentle_mps })
+        directions.iter().map(move |&direction| SteeringMotion { direction, top_mps: step * GENTLE_MPS })
     });
     strong.chain(gentle).collect()
 }

@@ -53,10 +53,10 @@ fn pulse(session: &CalibrationSession<'_>, fields: &FieldDriveModel, k: usize, a
     let envelope = Envelope { attack_s: fields.attack_s, sustain_s, rest_s: fields.rest_s };
     let axis_counts = Vector3::from_fn(|i, _| Complex::from(if i == axis { counts } else { 0.0 }));
     let forces = session.model.motor_arrangement.turned(motor_harmonics(&axis_counts));
-    if k == 1 {
-        let motors = forces.map(|force| vec![force]);
-        return Drive { base_radps: fields.base_radps, motors, envelope, ..Drive::default() };
-    }
-    let motors = forces.map(|force| vec![Harmonic::default(), force]);
-    Drive { base_radps: 0.5 * k as f64 * fields.base_radps, motors, envelope, ..Drive::default() }
+    let (base_radps, motors) = if k == 1 {
+        (fields.base_radps, forces.map(|force| vec![force]))
+    } else {
+        (0.5 * k as f64 * fields.base_radps, forces.map(|force| vec![Harmonic::default(), force]))
+    };
+    Drive { base_radps, motors, envelope, ..Drive::default() }
 }

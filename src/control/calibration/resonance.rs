@@ -32,15 +32,10 @@ const NAMES: [&str; 3] = ["resonance x", "resonance y", "resonance spin"];
 /// Finds the oscillators of x, y and spin, their force in counts of the axis amplitude; the accelerometers' gains must
 /// be known. `None` where the rig's longest sustain holds too few periods to resolve them.
 pub(super) fn measure(session: &mut CalibrationSession<'_>) -> Result<Option<[OscillatorFit; 3]>, CalibrationError> {
-    let mut found = Vec::with_capacity(3);
-    for axis in 0..3 {
-        match measure_axis(session, axis) {
-            Ok(resonance) => found.push(resonance),
-            Err(CalibrationError::Trace { fault: FitError::Undetermined { .. }, .. }) => return Ok(None),
-            Err(fault) => return Err(fault),
-        }
+    match (0..3).map(|axis| measure_axis(session, axis)).collect::<Result<Vec<_>, _>>() {
+        Err(CalibrationError::Trace { fault: FitError::Undetermined { .. }, .. }) => Ok(None),
+        found => Ok(found?.try_into().ok()),
     }
-    Ok(found.try_into().ok())
 }
 
 fn measure_axis(session: &mut CalibrationSession<'_>, axis: usize) -> Result<OscillatorFit, CalibrationError> {

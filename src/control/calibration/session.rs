@@ -9,6 +9,9 @@ use upm_core::time::StoppedClock;
 use upm_perception::estimation::{AccelerometerPair, TwistFit, fit_twist};
 use upm_planning::cor_library::{AxisShape, PlateResponse, drive_for};
 
+/// Share of the motors' limit that calibration uses.
+pub(super) const EFFORT: f64 = 0.97;
+
 /// The rig together with everything a measurement needs. Motors are at zero after it, also after an error.
 pub struct CalibrationSession<'a> {
     pub(super) rig: &'a mut dyn Rig,

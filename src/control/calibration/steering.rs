@@ -3,6 +3,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use nalgebra::Vector3;
 
 use super::axes::Axes;
+use super::session::EFFORT;
 use super::{CalibrationError, CalibrationParams, CalibrationSession};
 use upm_core::geometry::{Twist, Vec2};
 use upm_core::rig::RigModel;
@@ -18,6 +19,15 @@ pub(super) struct SteeringMotion {
     pub top_mps: f64,
 }
 
+/// Plate speed amplitude of the gentle motions, m/s; these make the shortest steps.
+pub(super) const GENTLE_MPS: f64 = 0.04;
+/// Rows and columns of the gentle motions' grid of centres, and their number of directions of translation.
+const GENTLE_GRID: usize = 7;
+const GENTLE_TRANSLATIONS: usize = 24;
+/// Half the side of a grid of centres, as a share of half the plate's side.
+const GRID_REACH: f64 = 1.05;
+/// Sustain of a pulse, s.
+const READ_SUSTAIN_S: f64 = 0.1;
 /// Peak of `cos a - sin 2a`.
 const WAVE_PEAK: f64 = 1.7602;
 /// A rig whose fastest motion exceeds the gentle speed by this factor also gets separate gentle motions.
@@ -33,7 +43,6 @@ const MISS: f64 = 0.01;
 pub(super) fn measure(
     session: &mut CalibrationSession<'_>,
     axes: &Axes,
-    params: &CalibrationParams,
     wanted: &[SteeringMotion],
 ) -> Result<Vec<Entry>, CalibrationError> {
     let counts_from_twist = axes.twist_from_counts.try_inverse().ok_or(CalibrationError::Singular)?;
@@ -41,11 +50,11 @@ pub(super) fn measure(
     for (i, SteeringMotion { direction, top_mps }) in wanted.iter().enumerate() {
         session.report("centres", i, wanted.len());
         let mut aim = direction.vector();
-        let mut entry = play(session, axes, params, counts_from_twist * aim, *top_mps)?;
+        let mut entry = play(session, axes, counts_from_twist * aim, *top_mps)?;
         let miss = miss(&entry.pump, direction, 0.5 * session.model.plate_side_m);
         if miss.norm() > MISS * aim.norm() {
             aim -= miss;
-            entry = play(session, axes, params, counts_from_twist * aim, *top_mps)?;
+            entry = play(session, axes, counts_from_twist * aim, *top_mps)?;
         }
         entries.push(entry);
     }
@@ -57,18 +66,17 @@ pub(super) fn measure(
 fn play(
     session: &mut CalibrationSession<'_>,
     axes: &Axes,
-    params: &CalibrationParams,
     counts: Vector3<f64>,
     top_mps: f64,
 ) -> Result<Entry, CalibrationError> {
     let amplitudes = |counts| amplitudes(session.model.motor_arrangement, counts);
     let trial = counts * (TRIAL_COUNTS / counts.amax().max(f64::MIN_POSITIVE));
-    let strongest = trial * (params.effort * session.headroom(amplitudes(trial), &axes.shapes));
+    let strongest = trial * (EFFORT * session.headroom(amplitudes(trial), &axes.shapes));
     let expected = axes.twist_from_counts * strongest;
     let corner_m = session.model.plate_side_m * FRAC_1_SQRT_2;
     let fastest_mps = expected.xy().norm() + expected.z.abs() * corner_m;
     let amplitudes = amplitudes(strongest * (top_mps / fastest_mps).min(1.0));
-    let drive = session.drive(amplitudes, &axes.shapes, session.read_sustain_s(params.read_sustain_s));
+    let drive = session.drive(amplitudes, &axes.shapes, session.read_sustain_s(READ_SUSTAIN_S));
     let what = format!("amplitudes {amplitudes:?}");
     let there = session.read_twist(&what, &drive)?;
     let back = session.read_twist(&what, &drive.reversed())?;
@@ -104,15 +112,14 @@ pub(super) fn wanted(axes: &Axes, model: &RigModel, params: &CalibrationParams) 
             Twist::about(center, 1.0 / (radius * half_side_m))
         })
     });
-    let strong = grid(params.grid, params.grid_reach * half_side_m).chain(rings);
+    let strong = grid(params.grid, GRID_REACH * half_side_m).chain(rings);
     let strong = strong.chain(translations(params.translations));
     let strong = strong.map(|direction| SteeringMotion { direction, top_mps: f64::INFINITY });
-    let gentle = grid(params.gentle_grid, params.grid_reach * half_side_m);
-    let gentle = gentle.chain(translations(params.gentle_translations));
-    let gentle = gentle.map(|direction| SteeringMotion { direction, top_mps: params.gentle_mps });
+    let gentle = grid(GENTLE_GRID, GRID_REACH * half_side_m).chain(translations(GENTLE_TRANSLATIONS));
+    let gentle = gentle.map(|direction| SteeringMotion { direction, top_mps: GENTLE_MPS });
     // the strongest translation along x
     let top_mps = axes.twist_from_counts.column(0).xy().norm() * (2.0 * model.count_limit / WAVE_PEAK);
-    strong.chain(gentle.filter(|_| top_mps > STRONG * params.gentle_mps)).collect()
+    strong.chain(gentle.filter(|_| top_mps > STRONG * GENTLE_MPS)).collect()
 }
 
 fn grid(n: usize, reach_m: f64) -> impl Iterator<Item = Twist> {

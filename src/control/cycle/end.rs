@@ -26,7 +26,7 @@ impl ControlCycle<'_, '_> {
     }
 
     pub(super) fn makes_progress(&self) -> bool {
-        self.planning.watch.makes_progress() || !self.params.guards.has(Finding::NoProgress)
+        self.watch.makes_progress() || !self.params.guards.has(Finding::NoProgress)
     }
 
     /// Returns `ending` of a task without an end if two more observations, with the table located anew, agree with the

@@ -45,7 +45,7 @@ struct PlannedSegment {
 impl ControlCycle<'_, '_> {
     /// The planner of motions without pauses; `None` where the run has another.
     pub(super) fn moving(&mut self) -> Option<&mut MovingPlanner> {
-        match &mut self.planning.planner {
+        match &mut self.planner {
             PulsePlanner::Moving(planner) => Some(planner),
             _ => None,
         }
@@ -64,16 +64,16 @@ impl ControlCycle<'_, '_> {
         let farthest_m = farthest_m(observed, &wanted.targets_m);
         let is_over = |of_stall_m: f64| wanted.asks_nothing(observed) || farthest_m > FAR * of_stall_m;
         if let Some((planner, _)) = self.stalled.take_if(|(_, of_stall_m)| is_over(*of_stall_m)) {
-            self.planning.planner = planner;
-        } else if self.moving().is_some() && self.planning.watch.stalls() {
+            self.planner = planner;
+        } else if self.moving().is_some() && self.watch.stalls() {
             let fields = FieldPlanner::new(self.library, self.params.planner).map(PulsePlanner::Fields);
             let Some(fields) = fields else { return };
-            self.stalled = Some((std::mem::replace(&mut self.planning.planner, fields), farthest_m));
+            self.stalled = Some((std::mem::replace(&mut self.planner, fields), farthest_m));
         } else {
             return;
         }
         let params = self.params;
-        self.planning.watch = ProgressWatch::new(params.follows_paths, params.tolerance_m);
+        self.watch = ProgressWatch::new(params.follows_paths, params.tolerance_m);
         self.limits = params.guards.limits(params.parts.len(), self.stalled.is_some());
     }
 
@@ -216,7 +216,7 @@ impl ControlCycle<'_, '_> {
     /// of sight, or because the parts will be where they should be.
     fn plan_next(&mut self, started_at: PlateTime, segments: u64) -> OrEnd<Option<PlannedSegment>> {
         self.check_limits()?;
-        let wants_rest = self.io.give_way.load(Ordering::Relaxed) || self.planning.watch.stalls();
+        let wants_rest = self.io.give_way.load(Ordering::Relaxed) || self.watch.stalls();
         let gives_way = wants_rest && self.of_moving(|planner| planner.fades_out()).1;
         if gives_way || self.perception.frames_missing() > UNSEEN_FRAMES {
             return Ok(None);
@@ -233,16 +233,10 @@ impl ControlCycle<'_, '_> {
             }
             wanted.targets_m.clone_from(&wanted.subgoals_m);
         }
-        let is_counted = segments.is_multiple_of(SEGMENTS_A_CYCLE);
-        if is_counted {
+        if segments.is_multiple_of(SEGMENTS_A_CYCLE) {
             self.warn_of_hindrances(&wanted, &places_m);
             self.warn_of_corridors(&wanted);
-        }
-        if is_counted
-            && self.planning.watch.observe(&wanted, &places_m, true)
-            && self.params.guards.has(Finding::NoProgress)
-        {
-            return Err(self.planning.watch.ending(&wanted, &places_m, self.params));
+            self.check_progress(&wanted, &places_m, true)?;
         }
         self.plan_segment(wanted).map(Some)
     }

@@ -57,7 +57,7 @@ impl ControlCycle<'_, '_> {
             return Err(self.check_motion(judged, None).err().unwrap_or(ending));
         }
         if let Some((seen, with_more_m)) = positions.as_ref().zip(with_more_m.as_ref()) {
-            self.planning.gains.learn(seen, with_more_m, ForecastDeviation::of(planned));
+            self.gains.learn(seen, with_more_m, ForecastDeviation::of(planned));
             self.warn_of_slow_parts();
         }
         if self.perception.motors_stopped {
@@ -186,9 +186,9 @@ impl ControlCycle<'_, '_> {
                 radius_m: self.params.radius_m(part),
                 gain: gain(part, position_m),
             };
-            self.planning.planner.forecast(&before_m.iter().enumerate().map(state).collect::<Vec<_>>(), pulse)
+            self.planner.forecast(&before_m.iter().enumerate().map(state).collect::<Vec<_>>(), pulse)
         };
-        let learned = |part: usize, at_m: Vec2| self.planning.gains.get(part, at_m);
+        let learned = |part: usize, at_m: Vec2| self.gains.get(part, at_m);
         Some([with(&|_, _| 1.0)?, with(&learned)?, with(&|part, at_m| learned(part, at_m) + MORE)?])
     }
 }

@@ -56,7 +56,7 @@ impl Perception {
             );
         }
         let size = [self.frame.width, self.frame.height];
-        let mut finder = CoinFinder::new(&table, size, &self.kinds, self.model.dark_parts);
+        let mut finder = CoinFinder::new(&table, size, &self.scene.kinds, self.model.dark_parts);
         let found = finder.find(&self.frame);
         let localise_us = (clock.elapsed() - started).as_secs_f64() * 1e6;
         Ok(Relocated { table, found, localise_us })
@@ -145,9 +145,9 @@ impl Perception {
         }
         let frame = &self.frame;
         sink.localised(&LocalisedFacts { frame, table: &table, detections: &detections, localise_us });
-        self.scene.relocate(&table, frame, swings, &self.kinds, self.model.dark_parts);
-        self.tracker =
-            Tracker::new(&table, [frame.width, frame.height], &self.kinds, self.model.dark_parts, detections);
+        self.scene.relocate(&table, frame, swings);
+        let size = [frame.width, frame.height];
+        self.tracker = Tracker::new(&table, size, &self.scene.kinds, self.model.dark_parts, detections);
         self.table = table;
         self.displaced = Displacement::default();
         self.relocated |= swings;

@@ -44,6 +44,8 @@ pub(super) struct SceneMonitor {
     pub(super) freshness: Freshness,
     table: TableWatch,
     plate: PlateWatch,
+    pub(super) kinds: Vec<PartKind>,
+    dark_parts: bool,
     /// Place of an object that does not belong to the job in the newest frame at rest, m.
     pub(super) foreign_m: Option<Vec2>,
     settling: Settling,
@@ -57,6 +59,8 @@ impl SceneMonitor {
             freshness: Freshness::new(model.frame_hz, model.exposure_s),
             table: TableWatch::new(table, model.frame_size_px),
             plate: PlateWatch::new(table, model.frame_size_px, kinds, model.dark_parts),
+            kinds: kinds.to_vec(),
+            dark_parts: model.dark_parts,
             foreign_m: None,
             settling: Settling::default(),
         };
@@ -113,24 +117,17 @@ impl SceneMonitor {
     }
 
     /// Takes over the table that was located anew in `frame`, on a plate that may swing.
-    pub(super) fn relocate(
-        &mut self,
-        table: &Table,
-        frame: &Frame,
-        swings: bool,
-        kinds: &[PartKind],
-        dark_parts: bool,
-    ) {
+    pub(super) fn relocate(&mut self, table: &Table, frame: &Frame, swings: bool) {
         self.table = TableWatch::new(table, [frame.width, frame.height]);
         self.settling.relocate(frame.exposed_at, swings);
         if !swings {
             self.table.set_rest(frame);
         }
-        self.forget_plate(table, frame, kinds, dark_parts);
+        self.forget_plate(table, frame);
     }
 
     /// Forgets the plate's appearance and learns it again from `frame`.
-    pub(super) fn forget_plate(&mut self, table: &Table, frame: &Frame, kinds: &[PartKind], dark_parts: bool) {
-        self.plate = PlateWatch::new(table, [frame.width, frame.height], kinds, dark_parts);
+    pub(super) fn forget_plate(&mut self, table: &Table, frame: &Frame) {
+        self.plate = PlateWatch::new(table, [frame.width, frame.height], &self.kinds, self.dark_parts);
     }
 }

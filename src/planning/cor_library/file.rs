@@ -15,11 +15,6 @@ impl Library {
         in_lines(&serde_json::to_string(self).unwrap_or_default())
     }
 
-    /// The file as a value.
-    pub fn to_value(&self) -> serde_json::Value {
-        serde_json::to_value(self).unwrap_or_default()
-    }
-
     /// Reads [`Self::to_json`].
     ///
     /// # Errors
@@ -36,14 +31,6 @@ impl Library {
     /// As [`Self::from_json`].
     pub fn from_value(value: &serde_json::Value, file: &str) -> Result<Self, Vec<Diagnostic>> {
         read(value, file, Diagnostics::of(file)).and_then(|library: Self| library.checked(file))
-    }
-
-    /// Writes the library to `path`.
-    ///
-    /// # Errors
-    /// The system's error when the file cannot be written.
-    pub fn save(&self, path: &Path) -> std::io::Result<()> {
-        std::fs::write(path, self.to_json())
     }
 
     /// Reads and validates the library at `path`.

@@ -21,12 +21,10 @@ impl Library {
             return None;
         }
         let base_radps = 0.5 * fields.base_radps;
-        let motors: Vec<_> = (1..)
-            .zip(measured)
-            .map(|(k, response)| {
-                of_plate(&plate, f64::from(k) * fields.base_radps, Complex::inv).component_mul(response)
-            })
-            .collect();
+        let of_motors = |(k, response): (u32, &Matrix3<Complex<f64>>)| {
+            of_plate(&plate, f64::from(k) * fields.base_radps, Complex::inv).component_mul(response)
+        };
+        let motors: Vec<_> = (1..).zip(measured).map(of_motors).collect();
         let response = |k: usize| {
             if k.is_multiple_of(2) {
                 return measured[k / 2 - 1];

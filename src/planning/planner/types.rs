@@ -83,14 +83,6 @@ pub enum PlannedPulse {
 }
 
 impl PlannedPulse {
-    /// Time at full height, s.
-    pub fn sustain_s(&self) -> f64 {
-        match self {
-            Self::Rotation(rotation) => rotation.sustain_s,
-            Self::Field(field) => field.sustain_s,
-        }
-    }
-
     /// The drive that plays the pulse on the library's rig; `None` where the library cannot drive it.
     pub fn drive(&self, library: &Library) -> Option<Drive> {
         match self {
@@ -132,12 +124,9 @@ impl Rotation {
     /// # Errors
     /// An entry or a distance that the library does not have: the allowed and the found one.
     pub fn carrying(library: &Library, entry: usize, distance_m: f64, places_m: &[Vec2]) -> Result<Self, String> {
-        let Some(found) = library.entries.get(entry) else {
-            return Err(format!(
-                "entry: expected one of 0 to {}, found {entry}",
-                library.entries.len().saturating_sub(1)
-            ));
-        };
+        let last = library.entries.len().saturating_sub(1);
+        let missing = || format!("entry: expected one of 0 to {last}, found {entry}");
+        let found = library.entries.get(entry).ok_or_else(missing)?;
         let speed_mps = places_m.iter().map(|&place_m| found.speed_at(place_m)).fold(0.0, f64::max);
         let model = &library.displacement;
         let [least_mm, most_mm] = [model.min_distance(speed_mps), model.max_distance(speed_mps)].map(mm_from_m);

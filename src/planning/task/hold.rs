@@ -1,5 +1,5 @@
-use super::path_follower::{Motions, PathFollower, PlateScene};
-use super::{PartOutline, Setpoints, Task};
+use super::path_follower::{PathFollower, PlateScene};
+use super::{Setpoints, Task};
 use upm_core::geometry::Vec2;
 use upm_core::time::PlateTime;
 
@@ -7,12 +7,10 @@ use upm_core::time::PlateTime;
 const BROUGHT_BACK: f64 = 0.5;
 
 /// Parameters of holding: every part stays where it was first seen.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct HoldParams {
-    /// Half the plate's side, m.
-    pub half_side_m: f64,
-    /// Discs of the parts, in the order of the positions given to [`Task::next`].
-    pub discs: Vec<PartOutline>,
+    /// The plate and its parts, which move independently.
+    pub scene: PlateScene,
     /// Duration in plate time, s.
     pub duration_s: f64,
     /// Distance from which a part is brought back, m.
@@ -39,9 +37,7 @@ impl Hold {
 
 impl Task for Hold {
     fn first_seen(&mut self, parts_in_table_m: &[Vec2]) {
-        let HoldParams { half_side_m, discs, .. } = &self.params;
-        let scene = PlateScene { half_side_m: *half_side_m, motions: Motions::Independent, discs: discs.clone() };
-        self.steering = Some(PathFollower::new(&scene, &[], Vec::new(), parts_in_table_m));
+        self.steering = Some(PathFollower::new(&self.params.scene, &[], Vec::new(), parts_in_table_m));
     }
 
     fn next(&mut self, now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
@@ -78,11 +74,10 @@ impl Task for Hold {
 mod tests {
     use super::*;
 
-    const PARAMS: HoldParams = HoldParams { half_side_m: 0.1524, discs: Vec::new(), duration_s: 2.0, arrive_m: 0.0005 };
-
     #[test]
     fn parts_are_left_alone_until_they_drift_and_then_brought_back() {
-        let mut task = Hold::new(PARAMS);
+        let scene = PlateScene { half_side_m: 0.1524, ..PlateScene::default() };
+        let mut task = Hold::new(HoldParams { scene, duration_s: 2.0, arrive_m: 0.0005 });
         let home = [Vec2::new(0.02, 0.0), Vec2::new(-0.02, 0.0)];
         let mut observe = |at_s: f64, drift_m: f64| {
             let parts = [home[0], home[1] + Vec2::new(drift_m, 0.0)];

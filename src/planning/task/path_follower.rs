@@ -155,10 +155,11 @@ impl PathFollower {
         }
         self.progress = self.progress.max(1.0 - self.left_m() / self.at_first_m.max(f64::MIN_POSITIVE));
         self.observations += 1;
+        let may_keep = self.blocked.is_empty() || self.observations <= REPLAN_AFTER;
         match self.motions.clone() {
-            Motions::Independent if self.keep_path() => {}
+            Motions::Independent if may_keep && self.keep_path() => {}
             Motions::Independent => self.find_path(),
-            Motions::Rotations { stride_m, .. } if self.keep_turning_path(stride_m) => {}
+            Motions::Rotations { stride_m, .. } if may_keep && self.keep_turning_path(stride_m) => {}
             Motions::Rotations { stride_m, effort } => self.find_turning_path(stride_m, effort.as_ref()),
         }
     }
@@ -259,9 +260,6 @@ impl PathFollower {
 
     /// Advances to the last stage that can be reached straight; false without such a stage.
     fn keep_path(&mut self) -> bool {
-        if !self.blocked.is_empty() && self.observations > REPLAN_AFTER {
-            return false;
-        }
         let problem = self.problem(&self.place_of);
         let clear = |stage_m: &Vec<Vec2>| problem.is_clear(&self.seen_m, stage_m, KEPT_GAP_M);
         let Some(next) = self.stages_m.iter().rposition(clear) else { return false };
@@ -275,9 +273,6 @@ impl PathFollower {
     /// Advances along a path of rotations: keeps the present stage until little of it is left, then takes one a stride
     /// further on. False where the path is no longer clear.
     fn keep_turning_path(&mut self, stride_m: f64) -> bool {
-        if !self.blocked.is_empty() && self.observations > REPLAN_AFTER {
-            return false;
-        }
         let Some(present_m) = self.stages_m.first() else { return false };
         let on_it = self.stages_m.len() == 1 || self.away_m(present_m) > STAGE_LEFT * self.begun_m;
         if on_it && self.problem(&self.place_of).is_clear(&self.seen_m, present_m, KEPT_GAP_M) {
@@ -296,10 +291,10 @@ impl PathFollower {
         let ahead = ahead.map_or(self.stages_m.len(), |ahead| from + ahead + 1);
         let problem = self.problem(&self.place_of);
         let clear = |stage_m: &Vec<Vec2>| problem.is_clear(&self.seen_m, stage_m, KEPT_GAP_M);
-        let Some(next) = self.stages_m[..ahead].iter().skip(from).rposition(clear) else { return false };
-        self.stages_m.drain(..from + next);
+        let next = self.stages_m[..ahead].iter().skip(from).rposition(clear);
+        self.stages_m.drain(..next.map_or(0, |next| from + next));
         self.begun_m = self.stages_m.first().map_or(0.0, |stage_m| self.away_m(stage_m));
-        true
+        next.is_some()
     }
 
     /// Distance of the parts from a stage, root mean square, m.
@@ -324,9 +319,7 @@ impl PathFollower {
             self.place_of = better;
         }
         self.find_path();
-        if !self.go_on(0, stride_m) {
-            self.begun_m = self.stages_m.first().map_or(0.0, |stage_m| self.away_m(stage_m));
-        }
+        self.go_on(0, stride_m);
     }
 
     fn stages(&mut self, place_of: &[usize]) -> StagedPaths {

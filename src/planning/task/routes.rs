@@ -28,6 +28,14 @@ pub(super) struct PathSet {
     pub(super) blocked: Vec<usize>,
 }
 
+impl PathSet {
+    /// Positions of all parts at every moment, m.
+    pub(super) fn places_m(&self) -> Vec<Vec<Vec2>> {
+        let moments = self.ways_m.first().map_or(0, Vec::len);
+        (0..moments).map(|k| self.ways_m.iter().map(|way_m| way_m[k]).collect()).collect()
+    }
+}
+
 /// Search for routes from the starts to the problem's targets on which no two parts come too near to each other. Routes
 /// are assigned one part after another; a part that finds none comes first in the next order (prioritised planning,
 /// Erdmann and Lozano-Pérez 1987, with the restarts of Bennewitz et al. 2002).

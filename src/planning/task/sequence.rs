@@ -60,10 +60,10 @@ mod tests {
     #[test]
     fn each_task_begins_where_the_one_before_ended() {
         let discs = vec![PartOutline { kind: 0, radius_m: crate::task::PENNY_M }];
-        let scene = PlateScene { half_side_m: 0.15, discs: discs.clone(), ..PlateScene::default() };
+        let scene = PlateScene { half_side_m: 0.15, discs, ..PlateScene::default() };
         let (there, arrive_m) = (Vec2::new(0.05, 0.0), 0.0005);
+        let hold = HoldParams { scene: scene.clone(), duration_s: 2.0, arrive_m };
         let arrange = ArrangeParams { scene, targets_m: vec![Some(there)], exchange: false, arrive_m };
-        let hold = HoldParams { half_side_m: 0.15, discs, duration_s: 2.0, arrive_m };
         let make = move |index: usize| -> Box<dyn Task> {
             if index == 0 { Box::new(Arrange::new(arrange.clone())) } else { Box::new(Hold::new(hold.clone())) }
         };

@@ -53,14 +53,8 @@ fn counts(discs: usize, rows: usize) -> Vec<usize> {
 /// same amount; with a common pitch it is the longest row's amount in all rows. Rows share the height likewise.
 fn in_rows(size_m: Vec2, radii_m: &[f64], rows: usize, common_pitch: bool) -> Vec<Vec2> {
     let mut left = radii_m;
-    let rows: Vec<&[f64]> = counts(radii_m.len(), rows)
-        .into_iter()
-        .map(|count| {
-            let (row, rest) = left.split_at(count);
-            left = rest;
-            row
-        })
-        .collect();
+    let counts = counts(radii_m.len(), rows).into_iter();
+    let rows: Vec<&[f64]> = counts.map(|count| left.split_off(..count).unwrap_or_default()).collect();
     let widest = |row: &[f64]| row.iter().copied().fold(0.0, f64::max);
     let rest_m = |row: &[f64]| (size_m.x - 2.0 * row.iter().sum::<f64>()) / row.len().max(1) as f64;
     let common_m = rows.iter().map(|row| rest_m(row)).fold(f64::INFINITY, f64::min);

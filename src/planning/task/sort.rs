@@ -160,20 +160,20 @@ impl Task for Sort {
     fn next(&mut self, _now: PlateTime, parts_in_table_m: &[Vec2]) -> Setpoints {
         let of = parts_in_table_m.len();
         let kept = self.steering.take().filter(|steering| steering.seen_m.len() == of);
-        let mut steering = kept.unwrap_or_else(|| self.steering(parts_in_table_m));
+        let steering = kept.unwrap_or_else(|| self.steering(parts_in_table_m));
+        let steering = self.steering.insert(steering);
         steering.observe(parts_in_table_m);
         let inside = |(part, seen_m): (usize, &Vec2)| {
             self.params.inside_m(part, *seen_m).is_none_or(|inside_m| inside_m >= self.params.margin_m)
         };
         let there = steering.seen_m.iter().enumerate().filter(|part| inside(*part)).count();
         let done = of > 0 && there == of;
-        let mut wanted = steering.wanted("into the bins", there);
-        if done {
-            let phase = "every part is in its bin".into();
-            wanted = Setpoints { targets_m: steering.seen_m.clone(), phase, progress: 1.0, done, ..wanted };
+        let wanted = steering.wanted("into the bins", there);
+        if !done {
+            return wanted;
         }
-        self.steering = Some(steering);
-        wanted
+        let phase = "every part is in its bin".into();
+        Setpoints { targets_m: steering.seen_m.clone(), phase, progress: 1.0, done, ..wanted }
     }
 }
 

@@ -82,9 +82,8 @@ fn straighten_between(problem: &MultiDiscProblem, routes: &mut PathSet, part: us
 /// Stages on straightened routes: the moments between which all parts can move straight and in step at the least cost.
 fn stages(problem: &MultiDiscProblem, mut routes: PathSet) -> StagedPaths {
     straighten(problem, &mut routes);
-    let moments = routes.ways_m.first().map_or(0, Vec::len);
-    let at = |k: usize| -> Vec<Vec2> { routes.ways_m.iter().map(|way_m| way_m[k]).collect() };
-    let all: Vec<Vec<Vec2>> = (0..moments).map(at).collect();
+    let all = routes.places_m();
+    let moments = all.len();
     let cost_m = |from: usize, to: usize| {
         let longest_m = all[from].iter().zip(&all[to]).map(|(a, b)| (b - a).norm()).fold(0.0, f64::max);
         longest_m + STAGE_M

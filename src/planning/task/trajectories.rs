@@ -187,16 +187,13 @@ impl Trajectories {
         let TrajectoriesParams { arrive_m, in_phase, .. } = self.params;
         self.advance(seen_m, elapsed_s);
         self.count_laps(now);
-        let finished = self
-            .followers
-            .iter()
-            .zip(seen_m)
-            .filter(|(follower, part_m)| follower.finished(**part_m, arrive_m))
-            .count();
+        let is_at_end = |(follower, part_m): &(&CurveFollower, &Vec2)| follower.finished(**part_m, arrive_m);
+        let finished = self.followers.iter().zip(seen_m).filter(is_at_end).count();
         let done = finished == self.followers.len();
         let of_each = |what: &dyn Fn(&CurveFollower) -> f64| self.followers.iter().map(what).collect::<Vec<_>>();
         let (gone_m, end_m) =
             (of_each(&|f| f.reference_m).iter().sum::<f64>(), of_each(&|f| f.end_m).iter().sum::<f64>());
+        let gone = if end_m > 0.0 && end_m.is_finite() { (gone_m / end_m).clamp(0.0, 1.0) } else { 0.0 };
         let phase_error =
             |f: &CurveFollower| if f.lap_m() > 0.0 { (f.along_m - f.reference_m) / f.lap_m() } else { 0.0 };
         let stretches = self.followers.iter().zip(seen_m);
@@ -204,13 +201,7 @@ impl Trajectories {
             subgoals_m: self.followers.iter().map(|f| f.place_m(f.ahead_m)).collect(),
             targets_m: self.followers.iter().map(CurveFollower::target_m).collect(),
             phase: self.phase(now, done, finished),
-            progress: match done {
-                true => 1.0,
-                false if end_m > 0.0 && end_m.is_finite() => {
-                    self.approach_share + (1.0 - self.approach_share) * (gone_m / end_m).clamp(0.0, 1.0)
-                }
-                false => self.approach_share,
-            },
+            progress: if done { 1.0 } else { self.approach_share + (1.0 - self.approach_share) * gone },
             laps: if done { self.params.paths.iter().map(|path| path.repeat).max().unwrap_or(0) } else { self.laps },
             cross_track_m: of_each(&|f| f.off_m),
             paths: stretches.map(|(f, part_m)| f.stretch(*part_m, &self.params)).collect(),

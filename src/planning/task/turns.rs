@@ -120,10 +120,8 @@ impl RigidMotionProblem<'_> {
         finished.min_by(|a, b| a.cost.total_cmp(&b.cost)).unwrap_or_else(|| {
             let mut routes = PrioritizedPlanner::new(self.problem, self.starts_m).routes(rng);
             straighten(self.problem, &mut routes);
-            let moments = routes.ways_m.first().map_or(0, Vec::len);
-            let at = |k: usize| -> Vec<Vec2> { routes.ways_m.iter().map(|way_m| way_m[k]).collect() };
-            let way_m: JointPath = (0..moments).map(at).collect();
-            StagedPaths { cost: f64::INFINITY, places_m: fine(&way_m), blocked: routes.blocked, round: true }
+            let places_m = fine(&routes.places_m());
+            StagedPaths { cost: f64::INFINITY, places_m, blocked: routes.blocked, round: true }
         })
     }
 

@@ -86,7 +86,7 @@ impl RunFolder {
     pub(super) fn write_effective(&self, job: &JobSpec, library: &Library) -> Result<(), RunError> {
         let (version, mut effective) = (env!("CARGO_PKG_VERSION"), job.effective());
         // a run can be repeated from it without any other file
-        effective["library"] = library.to_value();
+        effective["library"] = serde_json::to_value(library).unwrap_or_default();
         let effective = json!({ "version": version, "machine": machine(), "camera": job.camera, "job": effective });
         self.write_text("effective.json", pretty(&effective))
     }

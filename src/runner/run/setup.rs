@@ -274,7 +274,7 @@ pub(crate) fn task(
             // without an end, the limit is the duration: elapsed time is its only progress
             let limit_s = job.plate_time_limit_s;
             let duration_s = if spec.is_endless(limit_s) { limit_s } else { *duration_s };
-            Box::new(Hold::new(HoldParams { half_side_m, discs: discs(placed), duration_s, arrive_m }))
+            Box::new(Hold::new(HoldParams { scene: scene(Motions::Independent), duration_s, arrive_m }))
         }
         TaskSpec::Sort { bins } => Box::new(Sort::new(sort_params(job, bins, scene(motions(job, library, method))))),
     }

@@ -18,6 +18,8 @@ pub(super) struct EdgeOutline {
     half_side_m: f64,
     /// Outward normal when the plate rests.
     outwards: Vec2,
+    /// The line when the plate rests.
+    rest: Vector3<f64>,
     pub(super) shown: Vec<EdgeLine>,
 }
 
@@ -38,7 +40,7 @@ impl EdgeOutline {
     pub(super) fn new(outwards: Vec2, half_side_m: f64) -> Self {
         let rest = Vector3::new(half_side_m, -outwards.x, -outwards.y);
         let line = EdgeLine { mean: rest, spread: Matrix3::zeros(), sd: Vector3::zeros(), weight: 1.0 };
-        Self { half_side_m, outwards, shown: vec![line] }
+        Self { half_side_m, outwards, rest, shown: vec![line] }
     }
 
     /// The side's lines in an exposure with the plate at `poses`.
@@ -49,7 +51,6 @@ impl EdgeOutline {
         let across_m = |off: Vector3<f64>| ends.iter().fold(0.0_f64, |most, end| most.max(off.dot(end).abs()));
         let variance_m2 =
             |spread: &Matrix3<f64>| ends.iter().fold(0.0_f64, |most, end| most.max(end.dot(&(spread * end))));
-        let rest = self.rest();
         let sections = sub_exposure_params.sections(&lines, across_m, variance_m2);
         let line = |(off, spread, weight): (Vector3<f64>, Matrix3<f64>, f64)| {
             let off = Vector3::new(
@@ -57,21 +58,16 @@ impl EdgeOutline {
                 sub_exposure_params.rounded_turn(off.y),
                 sub_exposure_params.rounded_turn(off.z),
             );
-            EdgeLine { mean: rest + off, spread, sd: spread.diagonal().map(f64::sqrt), weight }
+            EdgeLine { mean: self.rest + off, spread, sd: spread.diagonal().map(f64::sqrt), weight }
         };
         sections.map(line).collect()
-    }
-
-    fn rest(&self) -> Vector3<f64> {
-        Vector3::new(self.half_side_m, -self.outwards.x, -self.outwards.y)
     }
 
     /// Upper bound by which the reach of the side's blur is extended, in the exposure shown and in the `next` one: a
     /// constant, m, and a slope by the distance from the resting plate's centre.
     pub(super) fn reach(&self, next: &[EdgeLine]) -> [f64; 2] {
-        let rest = self.rest();
         self.shown.iter().chain(next).fold([0.0, 0.0], |[shift_m, turn_rad], line| {
-            let off = (line.mean - rest).abs() + REACH * line.sd;
+            let off = (line.mean - self.rest).abs() + REACH * line.sd;
             [shift_m.max(off.x), turn_rad.max(off.y + off.z)]
         })
     }
@@ -99,9 +95,7 @@ impl EdgeOutline {
                 cover_between(&[PlateEdge::new(&line.mean, sd_m)], line.weight as f32, pixels, blur, coverage);
             }
         }
-        if whole > 0.0 {
-            coverage.add_everywhere(whole as f32);
-        }
+        coverage.add_everywhere(whole as f32);
     }
 }
 

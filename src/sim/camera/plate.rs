@@ -144,8 +144,6 @@ impl PlateOutline {
                 cover_between(&sides, square.weight as f32, pixels, blur, coverage);
             }
         }
-        if whole > 0.0 {
-            coverage.add_everywhere(whole as f32);
-        }
+        coverage.add_everywhere(whole as f32);
     }
 }

@@ -51,9 +51,7 @@ impl FaultyComponent {
     /// Its name in files.
     pub fn name(self) -> String {
         match self {
-            Self::Coil(i) => format!("coil{i}"),
-            Self::Accelerometer(i) => format!("accel{i}"),
-            Self::Part(i) => format!("part{i}"),
+            Self::Coil(i) | Self::Accelerometer(i) | Self::Part(i) => format!("{}{i}", self.class()),
             _ => self.class().to_owned(),
         }
     }

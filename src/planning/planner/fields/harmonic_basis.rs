@@ -31,7 +31,8 @@ pub(super) struct HarmonicBasis {
     pub samples: usize,
     /// Sampled phases from one step to the next.
     stride: usize,
-    smoothing_mps: f64,
+    /// Slip below which friction is smoothed to zero, m/s: two thirds of the speed that friction changes in a step.
+    pub smoothing_mps: f64,
     /// `table[sample * harmonics + k - 1]`: cos and sin of harmonic k, for the first half of a period.
     table: Vec<[f64; 2]>,
 }
@@ -132,11 +133,6 @@ impl HarmonicBasis {
     /// Length of a step, s.
     pub fn step_s(&self) -> f64 {
         TAU / self.base_radps * self.stride as f64 / self.samples as f64
-    }
-
-    /// Slip below which friction is smoothed to zero, m/s: two thirds of the speed that friction changes in a step.
-    pub fn smoothing_mps(&self) -> f64 {
-        self.smoothing_mps
     }
 
     /// Index of the phase at every step, from the first on.

@@ -57,11 +57,6 @@ impl MotorEffort {
         coefficients.iter().zip(&self.weights).map(|(c, w)| w * c * c).sum::<f64>().sqrt()
     }
 
-    /// Scales the motion to its share of the motors' limit.
-    pub fn fill(&self, basis: &HarmonicBasis, coefficients: &mut [f64]) {
-        self.scale(basis, coefficients, f64::INFINITY);
-    }
-
     /// Scales the motion to its share of the motors' limit, by `most` at most.
     pub fn scale(&self, basis: &HarmonicBasis, coefficients: &mut [f64], most: f64) {
         let peak = self.peak_counts(basis, coefficients);
@@ -83,11 +78,10 @@ impl MotorEffort {
                 let forces: Vec<_> = self.forces(basis, coefficients).iter().map(motor_forces).collect();
                 let momenta = (1..).zip(&forces).map(|(k, force)| force.map(|force| basis.integral(force, k)));
                 let samples = basis.sums(&side_by_side(&forces, momenta)).into_iter();
-                samples.fold(0.0, |peak, sample| self.higher_peak(peak, sample, SimdF64::ZERO))
+                samples.fold(0.0, |peak, sample| self.higher_peak(peak, [sample, SimdF64::ZERO]))
             }
             Follows::Displacement => {
-                let samples = self.samples(basis, coefficients);
-                samples.fold(0.0, |peak, [sample, curvatures]| self.higher_peak(peak, sample, curvatures))
+                self.samples(basis, coefficients).fold(0.0, |peak, sample| self.higher_peak(peak, sample))
             }
         }
     }
@@ -95,12 +89,7 @@ impl MotorEffort {
     /// The steady counts of a motion in every phase of a period, and its shares of the envelope's slope (counts·s) and
     /// of its curvature (counts·s²).
     pub fn counts(&self, basis: &HarmonicBasis, coefficients: &[f64]) -> Vec<[[f64; MOTORS]; 3]> {
-        let split = |[forces_and_slopes, curvatures]: [SimdF64; 2]| {
-            let [a, b, c, d, e, f, g, h] = forces_and_slopes.to_array();
-            let [j, k, l, m, ..] = curvatures.to_array();
-            [[a, b, c, d], [e, f, g, h], [j, k, l, m]]
-        };
-        self.samples(basis, coefficients).map(split).collect()
+        self.samples(basis, coefficients).map(apart).collect()
     }
 
     /// In every phase of a period the four forces and their shares of the envelope's slope, and those of its curvature.
@@ -129,10 +118,8 @@ impl MotorEffort {
 
     /// The larger of `peak` and the highest count that a sample can reach whose four forces, their shares of the
     /// envelope's slope and their shares of its curvature are these, counts.
-    fn higher_peak(&self, peak: f64, forces_and_slopes: SimdF64, curvatures: SimdF64) -> f64 {
-        let [a, b, c, d, e, f, g, h] = forces_and_slopes.to_array();
-        let [j, k, l, m, ..] = curvatures.to_array();
-        let (forces, slopes, curvatures) = ([a, b, c, d], [e, f, g, h], [j, k, l, m]);
+    fn higher_peak(&self, peak: f64, sample: [SimdF64; 2]) -> f64 {
+        let [forces, slopes, curvatures] = apart(sample);
         // upper bound over all flanks, which spares most samples the exact evaluation
         let force = f64x4::from(forces).abs();
         let slope = f64x4::from(slopes).abs() / self.envelope.attack_s;
@@ -149,6 +136,13 @@ impl MotorEffort {
 /// Coefficients of cos and sin of each motor.
 fn motor_forces(counts: &Vector3<Complex<f64>>) -> [[f64; 2]; MOTORS] {
     motor_harmonics(counts).map(|harmonic| [harmonic.cos, harmonic.sin])
+}
+
+/// Forces of the motors in a sample, and their shares of the envelope's slope and of its curvature.
+fn apart([forces_and_slopes, curvatures]: [SimdF64; 2]) -> [[f64; MOTORS]; 3] {
+    let [a, b, c, d, e, f, g, h] = forces_and_slopes.to_array();
+    let [j, k, l, m, ..] = curvatures.to_array();
+    [[a, b, c, d], [e, f, g, h], [j, k, l, m]]
 }
 
 /// Two quantities of the motors for [`HarmonicBasis::sums`].

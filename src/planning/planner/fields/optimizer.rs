@@ -117,7 +117,7 @@ impl ShootingProblem<'_> {
     /// Iterate of `start` scaled to the motors' limit.
     pub fn iterate(&self, start: &[f64]) -> Iterate {
         let mut coefficients = start.to_vec();
-        self.effort.fill(self.basis, &mut coefficients);
+        self.effort.scale(self.basis, &mut coefficients, f64::INFINITY);
         let mut rollout = self.pool.take();
         rollout.run(self.basis, &coefficients, self.envelope, self.discs);
         let went =

@@ -130,7 +130,7 @@ impl Rollout {
         self.groups.resize_with(discs.len().div_ceil(LANES), Group::default);
         self.ends_m.clear();
         for (group, discs) in self.groups.iter_mut().zip(discs.chunks(LANES)) {
-            let [x, y] = group.play(&self.steps, (dt, basis.smoothing_mps()), discs).map(SimdF64::to_array);
+            let [x, y] = group.play(&self.steps, (dt, basis.smoothing_mps), discs).map(SimdF64::to_array);
             self.ends_m.extend(discs.iter().zip(x).zip(y).map(|((_, x), y)| Vec2::new(x, y)));
         }
     }
@@ -166,17 +166,30 @@ impl Rollout {
 
     /// Slopes of all ends by every coefficient, m per m/s: a column for each part's x and y in turn.
     pub fn slopes(&self, basis: &HarmonicBasis) -> DMatrix<f64> {
-        let mut slopes = DMatrix::zeros(basis.len(), 2 * self.ends_m.len());
-        for (group, first) in self.groups.iter().zip((0..).step_by(2 * LANES)) {
-            for axis in 0..2 {
-                let mut by_plate = PlateSlopes::new(basis);
-                let mut by_place = [SimdF64::ZERO; 2];
-                by_place[axis] = SimdF64::ONE;
-                let by_state = (by_place, group.coasting_slope(axis));
-                group.adjoint(by_state, &self.steps, 0..self.steps.len(), basis.step_s(), &mut by_plate);
-                for (j, of_parts) in basis.slopes(&by_plate).enumerate() {
-                    let ends = (first + axis..slopes.ncols()).step_by(2);
-                    ends.zip(of_parts.to_array()).for_each(|(end, slope)| slopes[(j, end)] = slope);
+        self.columns(basis, 2, |group, _, axis, by_plate| {
+            let mut by_place = [SimdF64::ZERO; 2];
+            by_place[axis] = SimdF64::ONE;
+            let by_state = (by_place, group.coasting_slope(axis));
+            group.adjoint(by_state, &self.steps, 0..self.steps.len(), basis.step_s(), by_plate);
+        })
+    }
+
+    /// Slopes by every coefficient, `each` columns for each part. `by_plate` adds those of one column by the plate's
+    /// motion, for a group and the index of its first part.
+    fn columns(
+        &self,
+        basis: &HarmonicBasis,
+        each: usize,
+        by_plate: impl Fn(&Group, usize, usize, &mut PlateSlopes),
+    ) -> DMatrix<f64> {
+        let mut slopes = DMatrix::zeros(basis.len(), each * self.ends_m.len());
+        for (group, first) in self.groups.iter().zip((0..).step_by(LANES)) {
+            for column in 0..each {
+                let mut of_column = PlateSlopes::new(basis);
+                by_plate(group, first, column, &mut of_column);
+                for (j, of_parts) in basis.slopes(&of_column).enumerate() {
+                    let columns = (each * first + column..slopes.ncols()).step_by(each);
+                    columns.zip(of_parts.to_array()).for_each(|(column, slope)| slopes[(j, column)] = slope);
                 }
             }
         }
@@ -208,56 +221,40 @@ impl Rollout {
     /// Slopes, by every coefficient, of each part's drift plus `rates` times its place at the end: a column for each
     /// part's x and y in turn.
     pub fn drift_slopes(&self, basis: &HarmonicBasis, window: usize, rates: &[f64]) -> DMatrix<f64> {
-        let mut slopes = DMatrix::zeros(basis.len(), 2 * self.ends_m.len());
         let dt = basis.step_s();
         let (count, per_s) = (self.steps.len(), 1.0 / (window as f64 * dt));
-        for ((group, rates), first) in self.groups.iter().zip(rates.chunks(LANES)).zip((0..).step_by(2 * LANES)) {
-            let rate = SimdF64::from(std::array::from_fn(|lane| rates.get(lane).copied().unwrap_or(0.0)));
-            for axis in 0..2 {
-                let mut by_plate = PlateSlopes::new(basis);
-                let (mut by_place, mut by_speed) = ([SimdF64::ZERO; 2], [SimdF64::ZERO; 2]);
-                by_place[axis] = rate + per_s;
-                by_speed[axis] = SimdF64::splat(0.5);
-                let by_state = (by_place, by_speed);
-                let range = count - window..count;
-                let (mut by_place, mut by_speed) = group.adjoint(by_state, &self.steps, range, dt, &mut by_plate);
-                by_place[axis] -= per_s;
-                by_speed[axis] -= 0.5;
-                group.adjoint((by_place, by_speed), &self.steps, 0..count - window, dt, &mut by_plate);
-                for (j, of_parts) in basis.slopes(&by_plate).enumerate() {
-                    let ends = (first + axis..slopes.ncols()).step_by(2);
-                    ends.zip(of_parts.to_array()).for_each(|(end, slope)| slopes[(j, end)] = slope);
-                }
-            }
-        }
-        slopes
+        self.columns(basis, 2, |group, first, axis, by_plate| {
+            let (mut by_place, mut by_speed) = ([SimdF64::ZERO; 2], [SimdF64::ZERO; 2]);
+            by_place[axis] = lanes(|lane| rates.get(first + lane).copied().unwrap_or(0.0)) + per_s;
+            by_speed[axis] = SimdF64::splat(0.5);
+            let range = count - window..count;
+            let (mut by_place, mut by_speed) = group.adjoint((by_place, by_speed), &self.steps, range, dt, by_plate);
+            by_place[axis] -= per_s;
+            by_speed[axis] -= 0.5;
+            group.adjoint((by_place, by_speed), &self.steps, 0..count - window, dt, by_plate);
+        })
     }
 
     /// Slopes of the positions before time step `step` along `normals`, one for each part, by every coefficient: a
     /// column for each part.
     pub fn slopes_at(&self, basis: &HarmonicBasis, step: usize, normals: &[Vec2]) -> DMatrix<f64> {
-        let mut slopes = DMatrix::zeros(basis.len(), normals.len());
-        for ((group, normals), first) in self.groups.iter().zip(normals.chunks(LANES)).zip((0..).step_by(LANES)) {
-            let mut by_plate = PlateSlopes::new(basis);
-            let lanes =
-                |axis: usize| SimdF64::from(std::array::from_fn(|lane| normals.get(lane).map_or(0.0, |n| n[axis])));
-            let by_state = ([lanes(0), lanes(1)], [SimdF64::ZERO; 2]);
-            group.adjoint(by_state, &self.steps, 0..step, basis.step_s(), &mut by_plate);
-            for (j, of_parts) in basis.slopes(&by_plate).enumerate() {
-                let parts = (first..first + normals.len()).zip(of_parts.to_array());
-                parts.for_each(|(part, slope)| slopes[(j, part)] = slope);
-            }
-        }
-        slopes
+        self.columns(basis, 1, |group, first, _, by_plate| {
+            let along = |axis: usize| lanes(|lane| normals.get(first + lane).map_or(0.0, |normal| normal[axis]));
+            let by_state = ([along(0), along(1)], [SimdF64::ZERO; 2]);
+            group.adjoint(by_state, &self.steps, 0..step, basis.step_s(), by_plate);
+        })
     }
+}
+
+/// One number for each part of a group.
+fn lanes(of: impl Fn(usize) -> f64) -> SimdF64 {
+    SimdF64::from(std::array::from_fn::<f64, LANES, _>(of))
 }
 
 impl Group {
     /// Moves `discs` from rest through `steps` until they have coasted to rest; returns their final positions, m.
     fn play(&mut self, steps: &[PlateStep], (dt, smoothing_mps): (f64, f64), discs: &[RolloutDisc]) -> [SimdF64; 2] {
-        let each = |of: fn(&RolloutDisc) -> f64, idle: f64| {
-            SimdF64::from(std::array::from_fn::<f64, LANES, _>(|lane| discs.get(lane).map_or(idle, of)))
-        };
+        let each = |of: fn(&RolloutDisc) -> f64, idle: f64| lanes(|lane| discs.get(lane).map_or(idle, of));
         let friction_mps2 = each(|disc| disc.friction, 1.0) * GRAVITY_MPS2;
         let pull_mps = friction_mps2 * dt;
         let turning_m2 = each(|disc| KAPPA * disc.radius_m * disc.radius_m, 0.0);

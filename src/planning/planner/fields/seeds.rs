@@ -6,6 +6,8 @@
 
 use std::cmp::Ordering;
 
+use rand::RngExt;
+
 use upm_core::geometry::Vec2;
 use upm_core::random::Streams;
 
@@ -74,12 +76,8 @@ impl SeedLibrary {
     /// The seed library for these harmonics; deterministic, equal for equal harmonics.
     pub fn new(basis: &HarmonicBasis, half_side_m: f64) -> Self {
         let mut rng = Streams::new(0).stream("field bank");
-        let mut draw = || {
-            use rand::RngExt as _;
-            rng.random_range(-1.0..1.0)
-        };
-        let mut random = || (0..basis.len()).map(|j| draw() / basis.harmonic_of(j) as f64).collect::<Vec<f64>>();
-        Self::of((0..MOTIONS).map(|_| random()).collect(), basis, half_side_m)
+        let random = || (0..basis.len()).map(|j| rng.random_range(-1.0..1.0) / basis.harmonic_of(j) as f64).collect();
+        Self::of(random, basis, half_side_m)
     }
 
     /// Motions for parts that move: spectra from flat ones to those of [`Self::new`], and more spin. Smooth fields,
@@ -88,19 +86,19 @@ impl SeedLibrary {
         const FALLS: [f64; 4] = [0.0, 0.25, 0.5, 1.0];
         const SPINS: [f64; 3] = [1.0, 2.0, 3.0];
         let mut rng = Streams::new(0).stream("moving field bank");
-        let mut random = || {
-            use rand::RngExt as _;
+        let random = || {
             let (fall, spin) = (FALLS[rng.random_range(0..FALLS.len())], SPINS[rng.random_range(0..SPINS.len())]);
             let scaled = |j: usize, drawn: f64| {
                 let share = drawn * libm::pow(basis.harmonic_of(j) as f64, -fall);
                 if j < 2 * basis.per_axis() { share } else { spin * share }
             };
-            (0..basis.len()).map(|j| scaled(j, rng.random_range(-1.0..1.0))).collect::<Vec<f64>>()
+            (0..basis.len()).map(|j| scaled(j, rng.random_range(-1.0..1.0))).collect()
         };
-        Self::of((0..MOTIONS).map(|_| random()).collect(), basis, half_side_m)
+        Self::of(random, basis, half_side_m)
     }
 
-    fn of(motions: Vec<Vec<f64>>, basis: &HarmonicBasis, half_side_m: f64) -> Self {
+    fn of(random: impl FnMut() -> Vec<f64>, basis: &HarmonicBasis, half_side_m: f64) -> Self {
+        let motions: Vec<Vec<f64>> = std::iter::repeat_with(random).take(MOTIONS).collect();
         let tables: Vec<Vec<Vec2>> = motions.iter().map(|motion| table(basis, motion, half_side_m)).collect();
         let mean_forces = |node: usize| {
             std::array::from_fn(|k| {

@@ -3,7 +3,7 @@
 
 use super::belt_table::{BeltSlice, BeltTable};
 use crate::cor_library::Library;
-use crate::planner::PlannerParams;
+use crate::planner::{PlannerParams, Rotation};
 use upm_core::geometry::{Twist, Vec2, perp};
 
 /// Rows and columns of sample positions that define an entry's typical belt, and their largest distance from the
@@ -126,14 +126,16 @@ impl MotionSet {
         LibraryMotion { setting, twist, slice: self.table.slice(twist.spin_radps, setting.sustain_s) }
     }
 
-    /// Rest after a pulse whose slowest part is at rest after `coasts_s`, s.
-    pub fn rest_s(&self, coasts_s: f64) -> f64 {
-        (coasts_s + STANDING_S).max(LEAST_REST_S)
+    /// `pulse` at its `setting`, with a rest until the slowest part is at rest after `coasts_s`.
+    pub fn rotation(&self, pulse: Pulse, setting: DialSetting, coasts_s: f64) -> Rotation {
+        let (entry, distance_m) = (self.dials[pulse.dial].entry, pulse.distance_m);
+        let DialSetting { amplitude, sustain_s } = setting;
+        Rotation { entry, distance_m, amplitude, sustain_s, rest_s: rest_s(coasts_s) }
     }
 
     /// Time from the start of a pulse until the camera has seen the parts at rest, s: whole frames.
     pub fn duration_s(&self, setting: DialSetting, coasts_s: f64) -> f64 {
-        let all_s = 2.0 * self.attack_s + setting.sustain_s + self.rest_s(coasts_s) + self.exposure_s;
+        let all_s = 2.0 * self.attack_s + setting.sustain_s + rest_s(coasts_s) + self.exposure_s;
         (all_s / self.frame_s - 1e-6).ceil() * self.frame_s
     }
 
@@ -170,6 +172,11 @@ impl LibraryMotion {
         let step = end - from;
         from + 0.25 * (step + along * step.dot(&along))
     }
+}
+
+/// Rest after a pulse whose slowest part is at rest after `coasts_s`, s.
+fn rest_s(coasts_s: f64) -> f64 {
+    (coasts_s + STANDING_S).max(LEAST_REST_S)
 }
 
 fn typical_mps(twist: &Twist, half_side_m: f64) -> f64 {

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use super::displacement_matrix::{DisplacementMatrix, PulseScale};
 use super::least_time::{LeastTime, best_paying};
 use super::motion_set::{MotionSet, Pulse};
-use super::refine::{Refined, corridor_excess};
+use super::refine::{Refined, SequenceProblem, corridor_excess};
 use super::rollout::SequenceRollout;
 use super::subgoals::{Clearance, order};
 use crate::cor_library::Library;
@@ -164,9 +164,10 @@ impl RotationPlanner {
             running.subgoals_m.iter_mut().zip(moves).for_each(|(goal, by)| *goal += by);
         }
         let (subgoals_m, want_m) = (running.subgoals_m, running.want_m);
-        let refined = Refined::of(&self.motion_set, running.pulses, parts, &subgoals_m, room);
+        let problem = SequenceProblem { motion_set: &self.motion_set, parts, goal_m: &subgoals_m, room };
+        let refined = Refined::of(&problem, running.pulses);
         let rounds = (REST_PULSES / refined.pulses.len().max(1)).clamp(1, REST_ROUNDS);
-        let refined = refined.refined(&self.motion_set, parts, &subgoals_m, room, (rounds, want_m));
+        let refined = refined.refined(&problem, (rounds, want_m));
         let left_m = refined.left_m / (parts.len() as f64).sqrt();
         let kept = left_m < (KEPT * want_m).max(KEPT_M) && refined.broken_m().max(refined.excess_m()) < BROKEN_M;
         let safe = safe(&refined, room);
@@ -237,12 +238,12 @@ impl RotationPlanner {
         let pulses = self.program(parts, &steps_m, room, (want_m, scale))?;
         let motions: Vec<_> = pulses.iter().map(|&pulse| self.motion_set.motion(pulse)).collect();
         let pulses = order(&motions, parts, &steps_m, room).into_iter().map(|k| pulses[k]).collect();
-        let first = Refined::of(&self.motion_set, pulses, parts, &subgoals_m, room);
+        let problem = SequenceProblem { motion_set: &self.motion_set, parts, goal_m: &subgoals_m, room };
+        let first = Refined::of(&problem, pulses);
         let rounds = (NEW_PULSES / first.pulses.len().max(1)).clamp(1, NEW_ROUNDS);
         // a single part can reach its subgoal exactly with its present pulses
         let aim_m = if alone { near_m } else { want_m };
-        let refined = first.refined(&self.motion_set, parts, &subgoals_m, room, (rounds, aim_m));
-        let refined = self.pruned(refined, parts, &subgoals_m, room, want_m);
+        let refined = pruned(first.refined(&problem, (rounds, aim_m)), &problem, want_m);
         if refined.pulses.is_empty() {
             return None;
         }
@@ -310,39 +311,6 @@ impl RotationPlanner {
         with_distance(high_m)
     }
 
-    /// Drops the shortest pulses while the sequence stays as good.
-    fn pruned(&self, best: Refined, parts: &[PartState], goal_m: &[Vec2], room: &Clearance, want_m: f64) -> Refined {
-        let mut best = best;
-        best.pulses.retain(|pulse| pulse.distance_m.abs() > SHORT_M);
-        if best.pulses.len() < best.motions.len() {
-            best = Refined::of(&self.motion_set, best.pulses, parts, goal_m, room);
-        }
-        let enough_m = (1.1 * want_m * (parts.len() as f64).sqrt()).max(1.02 * best.left_m);
-        let tolerated_m = best.broken_m().max(0.3e-3);
-        let mut dropped = (best.pulses.len() / PRUNED_SHARE).max(1);
-        let times = (PRUNED_PULSES / best.pulses.len().max(1)).clamp(1, PRUNED);
-        for _ in 0..times {
-            if best.pulses.len() <= dropped {
-                break;
-            }
-            let mut by_length: Vec<usize> = (0..best.pulses.len()).collect();
-            let length_m = |k: usize| best.pulses[k].distance_m.abs();
-            by_length.sort_by(|&a, &b| length_m(a).total_cmp(&length_m(b)).then(a.cmp(&b)));
-            let short = &by_length[..dropped];
-            let kept = best.pulses.iter().enumerate().filter(|(k, _)| !short.contains(k)).map(|(_, &pulse)| pulse);
-            let next = Refined::of(&self.motion_set, kept.collect(), parts, goal_m, room);
-            let next = next.refined(&self.motion_set, parts, goal_m, room, (PRUNED_ROUNDS, want_m));
-            if next.left_m < enough_m && next.broken_m() <= tolerated_m && next.excess_m() <= best.excess_m() {
-                best = next;
-            } else if dropped == 1 {
-                break;
-            } else {
-                dropped /= 2;
-            }
-        }
-        best
-    }
-
     /// Distance that all parts together gain towards their targets, per second of the playable pulses, m/s.
     fn gain_mps(&self, refined: &Refined, safe: usize, parts: &[PartState], targets_m: &[Vec2]) -> f64 {
         let away_m = |places_m: &[Vec2]| -> f64 {
@@ -360,13 +328,7 @@ impl RotationPlanner {
         let count = if 2 * safe > 3 * CHUNK { CHUNK } else { safe };
         let rotation = |k: usize| {
             let (pulse, setting) = (refined.pulses[k], refined.motions[k].setting);
-            PlannedPulse::Rotation(Rotation {
-                entry: self.motion_set.dials[pulse.dial].entry,
-                distance_m: pulse.distance_m,
-                amplitude: setting.amplitude,
-                sustain_s: setting.sustain_s,
-                rest_s: self.motion_set.rest_s(refined.rollout.coasts_s[k]),
-            })
+            PlannedPulse::Rotation(self.motion_set.rotation(pulse, setting, refined.rollout.coasts_s[k]))
         };
         let pulses: Vec<PlannedPulse> = (0..count).map(rotation).collect();
         let predicted_m = (1..=count).map(|stage| refined.rollout.at(stage).to_vec()).collect();
@@ -376,6 +338,37 @@ impl RotationPlanner {
         let candidates = refined.pulses.iter().map(|pulse| self.motion_set.dials[pulse.dial].entry).collect();
         Plan { status: PlanStatus::Solved, pulses, candidates, predicted_m, continues, corridor_excess }
     }
+}
+
+/// Drops the shortest pulses while the sequence stays as good.
+fn pruned(mut best: Refined, problem: &SequenceProblem<'_>, want_m: f64) -> Refined {
+    best.pulses.retain(|pulse| pulse.distance_m.abs() > SHORT_M);
+    if best.pulses.len() < best.motions.len() {
+        best = Refined::of(problem, best.pulses);
+    }
+    let enough_m = (1.1 * want_m * (problem.parts.len() as f64).sqrt()).max(1.02 * best.left_m);
+    let tolerated_m = best.broken_m().max(0.3e-3);
+    let mut dropped = (best.pulses.len() / PRUNED_SHARE).max(1);
+    let times = (PRUNED_PULSES / best.pulses.len().max(1)).clamp(1, PRUNED);
+    for _ in 0..times {
+        if best.pulses.len() <= dropped {
+            break;
+        }
+        let mut by_length: Vec<usize> = (0..best.pulses.len()).collect();
+        let length_m = |k: usize| best.pulses[k].distance_m.abs();
+        by_length.sort_by(|&a, &b| length_m(a).total_cmp(&length_m(b)).then(a.cmp(&b)));
+        let short = &by_length[..dropped];
+        let kept = best.pulses.iter().enumerate().filter(|(k, _)| !short.contains(k)).map(|(_, &pulse)| pulse);
+        let next = Refined::of(problem, kept.collect()).refined(problem, (PRUNED_ROUNDS, want_m));
+        if next.left_m < enough_m && next.broken_m() <= tolerated_m && next.excess_m() <= best.excess_m() {
+            best = next;
+        } else if dropped == 1 {
+            break;
+        } else {
+            dropped /= 2;
+        }
+    }
+    best
 }
 
 /// Number of pulses from the first that keep the limits.

@@ -44,6 +44,14 @@ const ENOUGH_M: f64 = 0.08e-3;
 /// refinement.
 const SLOW: f64 = 0.97;
 
+/// The parts of a sequence, their subgoals, and the clearance that they keep on their way.
+pub(super) struct SequenceProblem<'a> {
+    pub motion_set: &'a MotionSet,
+    pub parts: &'a [PartState],
+    pub goal_m: &'a [Vec2],
+    pub room: &'a Clearance,
+}
+
 /// A sequence and its forecast.
 #[derive(Clone, Debug)]
 pub(super) struct Refined {
@@ -59,14 +67,9 @@ pub(super) struct Refined {
 }
 
 impl Refined {
-    /// Forecast of `pulses` on `parts`.
-    pub fn of(
-        motion_set: &MotionSet,
-        pulses: Vec<Pulse>,
-        parts: &[PartState],
-        goal_m: &[Vec2],
-        room: &Clearance,
-    ) -> Self {
+    /// Forecast of `pulses`.
+    pub fn of(problem: &SequenceProblem<'_>, pulses: Vec<Pulse>) -> Self {
+        let SequenceProblem { motion_set, parts, goal_m, room } = *problem;
         let motions: Vec<LibraryMotion> = pulses.iter().map(|&pulse| motion_set.motion(pulse)).collect();
         let rollout = SequenceRollout::of(&motions, parts);
         let left_m =
@@ -95,23 +98,16 @@ impl Refined {
 
     /// Refines the sequence in up to `rounds` programs, or until its merit is below 0.8 `want_m` (root mean square over
     /// the parts).
-    pub fn refined(
-        self,
-        motion_set: &MotionSet,
-        parts: &[PartState],
-        goal_m: &[Vec2],
-        room: &Clearance,
-        (rounds, want_m): (usize, f64),
-    ) -> Self {
-        let enough_m = ENOUGH_M.max(0.8 * want_m) * (parts.len() as f64).sqrt();
+    pub fn refined(self, problem: &SequenceProblem<'_>, (rounds, want_m): (usize, f64)) -> Self {
+        let enough_m = ENOUGH_M.max(0.8 * want_m) * (problem.parts.len() as f64).sqrt();
         let (mut best, mut damping, mut slow) = (self, DAMPING, 0);
         let mut model: Option<Linear> = None;
         for _ in 0..rounds {
             if best.merit_m() < enough_m || damping > MOST_DAMPING || best.pulses.is_empty() {
                 break;
             }
-            let linear = model.take().unwrap_or_else(|| Linear::at(motion_set, &best, parts, goal_m, room));
-            let Some(changes_mm) = linear.step(motion_set, &best.pulses, damping) else {
+            let linear = model.take().unwrap_or_else(|| Linear::at(problem, &best));
+            let Some(changes_mm) = linear.step(problem.motion_set, &best.pulses, damping) else {
                 (damping, model) = (5.0 * damping, Some(linear));
                 continue;
             };
@@ -120,7 +116,7 @@ impl Refined {
                 ..*pulse
             };
             let pulses = best.pulses.iter().zip(&changes_mm).map(changed).collect();
-            let next = Self::of(motion_set, pulses, parts, goal_m, room);
+            let next = Self::of(problem, pulses);
             if next.merit_m() < best.merit_m() - 1e-7 {
                 slow = if next.merit_m() > SLOW * best.merit_m() { slow + 1 } else { 0 };
                 (best, damping) = (next, (damping / 5.0).max(LEAST_DAMPING));
@@ -149,7 +145,8 @@ struct Linear {
 }
 
 impl Linear {
-    fn at(motion_set: &MotionSet, now: &Refined, parts: &[PartState], goal_m: &[Vec2], room: &Clearance) -> Self {
+    fn at(problem: &SequenceProblem<'_>, now: &Refined) -> Self {
+        let SequenceProblem { motion_set, parts, goal_m, room } = *problem;
         let count = now.pulses.len();
         let by_stage = Slopes::of(motion_set, &now.pulses, &now.motions, &now.rollout, parts);
         let slopes: Vec<f64> = (0..count).flat_map(|k| by_stage.at(count, k).iter().flat_map(|s| [s.x, s.y])).collect();

@@ -18,11 +18,10 @@ impl RotationPlanner {
     /// Rotation number `number` over `distance_m`, at most its longest, with the rest that `parts` need after it;
     /// `None` where there is no such rotation.
     pub fn rotation(&self, number: usize, distance_m: f64, parts: &[PartState]) -> Option<Rotation> {
-        let entry = self.motion_set.dials.get(number)?.entry;
-        let motion = self.motion_set.motion(Pulse { dial: number, distance_m });
+        let pulse = Pulse { dial: number, distance_m };
+        let motion = (number < self.rotations()).then(|| self.motion_set.motion(pulse))?;
         let coasts_s = parts.iter().map(|part| motion.carry(part.position_m, part.gain).1).fold(0.0, f64::max);
-        let (setting, rest_s) = (motion.setting, self.motion_set.rest_s(coasts_s));
-        Some(Rotation { entry, distance_m, amplitude: setting.amplitude, sustain_s: setting.sustain_s, rest_s })
+        Some(self.motion_set.rotation(pulse, motion.setting, coasts_s))
     }
 
     /// Number of a planned rotation.

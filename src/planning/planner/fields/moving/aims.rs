@@ -4,7 +4,6 @@ use crate::planner::PlannerParams;
 use crate::planner::fields::rollout::RolloutDisc;
 use nalgebra::DVector;
 use upm_core::geometry::Vec2;
-use upm_core::signal::Envelope;
 use upm_core::units::GRAVITY_MPS2;
 
 /// Largest speed with which parts approach each other or the edge, per distance left, 1/s.
@@ -46,25 +45,6 @@ pub struct Heading {
     pub along_mps: Option<Vec2>,
 }
 
-/// The purpose of a segment.
-#[derive(Clone, Debug)]
-pub(super) enum Goal {
-    /// Drifts at its end: `drift + rate · place = aim` for each part.
-    Drifts { rates: Vec<f64>, aims_mps: Vec<Vec2> },
-    /// Places where the parts come to rest after it has faded out.
-    Ends,
-}
-
-impl Goal {
-    /// Time at full height, s: a segment that sets the parts down decays as soon as it has risen.
-    pub fn sustain_s(&self, envelope: &Envelope) -> f64 {
-        match self {
-            Self::Drifts { .. } => envelope.sustain_s,
-            Self::Ends => 0.0,
-        }
-    }
-}
-
 /// A part on the plate, moving.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MovingPart {
@@ -104,22 +84,22 @@ impl Default for Aims {
     }
 }
 
-/// The wish for the next segment.
-#[derive(Clone, Debug)]
+/// The wish for the drifts at the end of the next segment: `drift + rate · place = aim` for each part.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Wish {
-    pub goal: Goal,
+    pub rates: Vec<f64>,
+    pub aims_mps: Vec<Vec2>,
     /// Change of each part's drift, m/s.
     pub changes_mps: Vec<Vec2>,
     /// True where a part is asked for less than it wants.
     pub is_clipped: bool,
-    /// Root of the sum of squares of the changes, m/s.
-    asked_mps: f64,
 }
 
 impl Wish {
     /// The share of what is asked that `residual` leaves.
     pub fn left(&self, residual: &DVector<f64>) -> f64 {
-        residual.norm() / self.asked_mps.max(f64::MIN_POSITIVE)
+        let asked_mps = self.changes_mps.iter().map(|change| change.norm_squared()).sum::<f64>().sqrt();
+        residual.norm() / asked_mps.max(f64::MIN_POSITIVE)
     }
 }
 
@@ -143,8 +123,7 @@ impl Aims {
         };
         let mut wanted_mps: Vec<Vec2> = parts.iter().zip(&ahead_m).map(wanted).collect();
         keep_clear(parts, params, &ahead_m, &mut wanted_mps);
-        let mut wish = Wish { goal: Goal::Ends, changes_mps: Vec::new(), is_clipped: false, asked_mps: 0.0 };
-        let (mut rates, mut aims_mps) = (Vec::new(), Vec::new());
+        let mut wish = Wish::default();
         for ((part, at_m), wanted_mps) in parts.iter().zip(&ahead_m).zip(&wanted_mps) {
             let most_mps = AMBITION * pull_mps2(part) * ahead_s;
             let change_mps = wanted_mps - part.drift_mps;
@@ -152,12 +131,10 @@ impl Aims {
             let change_mps = change_mps * share;
             wish.is_clipped |= share < 1.0;
             let rate = rate_of(part) * share;
-            rates.push(rate);
-            aims_mps.push(part.drift_mps + change_mps + at_m * rate);
+            wish.rates.push(rate);
+            wish.aims_mps.push(part.drift_mps + change_mps + at_m * rate);
             wish.changes_mps.push(change_mps);
         }
-        wish.asked_mps = wish.changes_mps.iter().map(|change| change.norm_squared()).sum::<f64>().sqrt();
-        wish.goal = Goal::Drifts { rates, aims_mps };
         wish
     }
 

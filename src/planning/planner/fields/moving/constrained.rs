@@ -35,7 +35,7 @@ impl SegmentProblem<'_> {
     pub fn constrained(&self, shot: Shot) -> Shot {
         let slopes = self.task_slopes(&shot);
         let of_gaps = self.gap_slopes(&shot);
-        let mut rows = self.gaps(&shot, NEAR_MPS);
+        let mut rows = self.guards(&shot.rollout, NEAR_MPS);
         let length: f64 = self.priced(&shot.motion.coefficients).iter().map(|c| c * c).sum();
         let mut better: Option<Shot> = None;
         let mut reach = REACH * length.sqrt();
@@ -43,7 +43,7 @@ impl SegmentProblem<'_> {
             let gap_columns = self.guard_columns(&of_gaps, &rows);
             let Some(change) = step(&slopes, &gap_columns, &shot.residual, &rows, reach) else { break };
             let changed = self.changed(&shot.motion.coefficients, &change);
-            let next = self.within_limits(&changed);
+            let next = self.shot(&changed, 1.0);
             let broken: Vec<Guard> =
                 next.guards.iter().filter(|guard| !rows.iter().any(|row| row.is_of(guard))).copied().collect();
             let is_better = merit(&next) < merit(better.as_ref().unwrap_or(&shot));
@@ -56,7 +56,7 @@ impl SegmentProblem<'_> {
                 reach *= NARROWER;
             }
             // as they are before the change
-            let all = self.gaps(&shot, f64::INFINITY);
+            let all = self.guards(&shot.rollout, f64::INFINITY);
             rows.extend(all.into_iter().filter(|gap| broken.iter().any(|guard| guard.is_of(gap))));
         }
         let Some(better) = better else { return shot };

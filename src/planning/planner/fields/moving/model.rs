@@ -23,31 +23,15 @@ const SPIN_PRICE: f64 = 0.7;
 pub(super) struct MovingModel {
     pub basis: HarmonicBasis,
     pub effort: MotorEffort,
-    pub limits: MotionLimits,
+    /// Distance of the motors' lines of action from the plate's centre, m.
+    pub lever_arm_m: f64,
+    /// Height, slope and curvature of the attack in every phase.
+    pub flank: Vec<[f64; 3]>,
     /// Price of each coefficient.
     pub prices: Vec<f64>,
     pub envelope: Envelope,
     pub seeds: SeedLibrary,
     pub friction: f64,
-}
-
-/// The limits of motors and plate.
-#[derive(Clone, Debug)]
-pub(super) struct MotionLimits {
-    pub counts: f64,
-    pub lever_arm_m: f64,
-    /// Height, slope and curvature of the attack in every phase.
-    pub flank: Vec<[f64; 3]>,
-}
-
-impl MotionLimits {
-    pub fn new(basis: &HarmonicBasis, envelope: &Envelope, counts: f64, lever_arm_m: f64) -> Self {
-        let flank = |q: usize| {
-            let t_s = (q as f64 + 0.5) / basis.samples as f64 * envelope.attack_s;
-            [envelope.at(t_s), envelope.slope(t_s), envelope.curvature(t_s)]
-        };
-        Self { counts, lever_arm_m, flank: (0..basis.samples).map(flank).collect() }
-    }
 }
 
 static COMPUTED: Cache<(Arc<Library>, PlannerParams), Option<Arc<MovingModel>>> = Cache::new();
@@ -64,13 +48,18 @@ impl MovingModel {
         let basis = HarmonicBasis::for_segments(fields.base_radps, fields.twist_from_counts.len(), params.half_side_m);
         let period_s = TAU / fields.base_radps;
         let envelope = Envelope { attack_s: period_s, sustain_s: period_s, rest_s: fields.rest_s };
+        let flank = |q: usize| {
+            let t_s = (q as f64 + 0.5) / basis.samples as f64 * envelope.attack_s;
+            [envelope.at(t_s), envelope.slope(t_s), envelope.curvature(t_s)]
+        };
         let price = |j: usize| {
             let of_axis = if j < 2 * basis.per_axis() { 1.0 } else { SPIN_PRICE };
             of_axis * libm::pow(basis.harmonic_of(j) as f64, PRICE_POWER)
         };
         Some(Arc::new(Self {
             effort: MotorEffort::new(&basis, &segments, params.half_side_m)?,
-            limits: MotionLimits::new(&basis, &envelope, fields.limit_counts, params.lever_arm_m),
+            lever_arm_m: params.lever_arm_m,
+            flank: (0..basis.samples).map(flank).collect(),
             prices: (0..basis.len()).map(price).collect(),
             envelope,
             seeds: SeedLibrary::rich(&basis, params.half_side_m),

@@ -1,6 +1,6 @@
 //! A motion with its tables, as strong as motors and travel allow.
 
-use super::model::{MotionLimits, MovingModel};
+use super::model::MovingModel;
 use crate::planner::fields::harmonic_basis::{HarmonicBasis, PlateInstant};
 use upm_core::geometry::{Vec2, perp};
 use upm_core::signal::MOTORS;
@@ -58,34 +58,19 @@ impl Motion {
         }
     }
 
-    /// The motion `coefficients`, as strong as the limits allow, or as near to it as the change from `last` permits.
-    pub fn strongest(model: &MovingModel, edges: &[NearEdge], coefficients: &[f64], last: &Self) -> Self {
-        Self::scaled(model, edges, coefficients, last, 0.0)
-    }
-
-    /// The motion `coefficients`, weakened where it asks for more than the limits allow.
-    pub fn within_limits(model: &MovingModel, edges: &[NearEdge], coefficients: &[f64], last: &Self) -> Self {
-        Self::scaled(model, edges, coefficients, last, 1.0)
-    }
-
-    /// The motion as strong as it can be where it asks for more than `least` of the limits.
-    fn scaled(
-        MovingModel { basis, effort, limits, .. }: &MovingModel,
-        edges: &[NearEdge],
-        coefficients: &[f64],
-        last: &Self,
-        least: f64,
-    ) -> Self {
+    /// The motion `coefficients`, as strong as the limits allow where it asks for more than `least` of them, or as near
+    /// to it as the change from `last` permits.
+    pub fn scaled(model: &MovingModel, edges: &[NearEdge], coefficients: &[f64], last: &Self, least: f64) -> Self {
         let mut motion = Self {
             coefficients: coefficients.to_vec(),
-            plate: basis.motion(coefficients),
-            counts: effort.counts(basis, coefficients),
+            plate: model.basis.motion(coefficients),
+            counts: model.effort.counts(&model.basis, coefficients),
         };
-        let load = motion.load(limits, edges);
+        let load = motion.load(model, edges);
         if load > least {
             motion.blend(0.0, load.recip(), last);
         }
-        let share = motion.share_after(last, limits);
+        let share = motion.share_after(last, model);
         if share < 1.0 {
             motion.blend(1.0 - share, share, last);
         }
@@ -93,8 +78,8 @@ impl Motion {
     }
 
     /// The largest ratio of what the motion and its fade-out ask for to what is allowed.
-    fn load(&self, limits: &MotionLimits, edges: &[NearEdge]) -> f64 {
-        let stroke = |plate: &PlateInstant| plate.offset_m.amax() + plate.turn_rad.abs() * limits.lever_arm_m;
+    fn load(&self, model: &MovingModel, edges: &[NearEdge]) -> f64 {
+        let stroke = |plate: &PlateInstant| plate.offset_m.amax() + plate.turn_rad.abs() * model.lever_arm_m;
         let stroke_m = self.plate.iter().map(stroke).fold(0.0, f64::max);
         let edge = |edge: &NearEdge| {
             let inwards = self.plate.iter().map(|plate| {
@@ -104,23 +89,23 @@ impl Motion {
             inwards.fold(0.0, f64::max) / edge.room_m
         };
         let edges = edges.iter().map(edge).fold(0.0, f64::max);
-        let counts = self.counts.iter().zip(&limits.flank).flat_map(|([f, g, c], [height, slope, curvature])| {
+        let counts = self.counts.iter().zip(&model.flank).flat_map(|([f, g, c], [height, slope, curvature])| {
             (0..MOTORS).map(move |i| {
                 let fading = (1.0 - height) * f[i] - slope * g[i] - curvature * c[i];
                 (f[i] / STEADY).abs().max(fading.abs())
             })
         });
-        (stroke_m / STROKE_M).max(edges).max(counts.fold(0.0, f64::max) / limits.counts)
+        (stroke_m / STROKE_M).max(edges).max(counts.fold(0.0, f64::max) / model.effort.limit_counts)
     }
 
     /// The largest share of the change from `last` to this motion that the motors can play, 0 to 1.
-    fn share_after(&self, last: &Self, limits: &MotionLimits) -> f64 {
-        let mut share = 1.0f64;
-        for ((to, from), [height, slope, curvature]) in self.counts.iter().zip(&last.counts).zip(&limits.flank) {
+    fn share_after(&self, last: &Self, model: &MovingModel) -> f64 {
+        let (mut share, limit) = (1.0f64, model.effort.limit_counts);
+        for ((to, from), [height, slope, curvature]) in self.counts.iter().zip(&last.counts).zip(&model.flank) {
             for i in 0..MOTORS {
                 let change = [0, 1, 2].map(|part| to[part][i] - from[part][i]);
                 let change = height * change[0] + slope * change[1] + curvature * change[2];
-                let room = if change > 0.0 { limits.counts - from[0][i] } else { limits.counts + from[0][i] };
+                let room = if change > 0.0 { limit - from[0][i] } else { limit + from[0][i] };
                 if share * change.abs() > room {
                     share = (room / change.abs()).max(0.0);
                 }

@@ -1,7 +1,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::aims::{AHEAD, Aims, Goal, Heading, MovingPart, rms};
+use super::aims::{AHEAD, Aims, Heading, MovingPart, Wish, rms};
 use super::filter::PartFilter;
 use super::model::MovingModel;
 use super::motion::{Motion, NearEdge};
@@ -82,13 +82,6 @@ pub struct MovingPlanner {
     slow: usize,
     best_m: f64,
     pool: RolloutPool,
-}
-
-/// Parts with what the search needs of them.
-struct Surroundings<'a> {
-    parts: &'a [MovingPart],
-    discs: Vec<RolloutDisc>,
-    edges: Vec<NearEdge>,
 }
 
 impl MovingPlanner {
@@ -288,42 +281,36 @@ impl MovingPlanner {
         Segment { pulse: FieldPulse { wave, follows: Follows::Displacement, sustain_s }, sets_down, ends_m }
     }
 
-    fn problem<'a>(&'a self, parts: &'a Surroundings<'a>, goal: &'a Goal) -> SegmentProblem<'a> {
-        let Surroundings { parts, discs, edges } = parts;
-        let (model, params, last, pool) = (&self.model, &self.params, &self.present, &self.pool);
-        SegmentProblem { model, params, last, parts, discs, edges, goal, pool }
-    }
-
-    /// The parts as the search needs them.
-    fn surroundings<'a>(&self, parts: &'a [MovingPart]) -> Surroundings<'a> {
+    /// The search for the drifts of `wish`, or for a motion after which the parts rest at their targets.
+    fn problem<'a>(&'a self, parts: &'a [MovingPart], wish: Option<&'a Wish>) -> SegmentProblem<'a> {
         // where it is at the beginning, and where it drifts in the segment
         let places = parts.iter().flat_map(|part| [0.0, self.period_s()].map(|after_s| (part, after_s)));
         let edges = places.flat_map(|(part, after_s)| {
             let place_m = part.disc.position_m + part.drift_mps * after_s;
             NearEdge::of(place_m, part.disc.radius_m, self.params.half_side_m)
         });
-        let edges = edges.collect();
-        Surroundings { parts, discs: parts.iter().map(|part| part.disc).collect(), edges }
+        let (discs, edges) = (parts.iter().map(|part| part.disc).collect(), edges.collect());
+        let (model, params, last, pool) = (&self.model, &self.params, &self.present, &self.pool);
+        SegmentProblem { model, params, last, parts, discs, edges, wish, pool }
     }
 
     /// The motion that brings the parts' drifts nearest to what their distances ask, and their places at its end.
     fn drift(&mut self, parts: &[MovingPart]) -> (Motion, Vec<Vec2>) {
-        let around = self.surroundings(parts);
         let wish = self.aims.wish(parts, &self.params, self.period_s());
-        let problem = self.problem(&around, &wish.goal);
+        let problem = self.problem(parts, Some(&wish));
         let better = |a: Shot, b: Shot| {
             let (better, other) = if b.cost < a.cost { (b, a) } else { (a, b) };
             self.pool.keep(other.rollout);
             better
         };
         let rounds = if self.is_resting { FROM_REST_ROUNDS } else { FIRST_ROUNDS };
-        let starts = self.starts(&around.discs, &wish.changes_mps);
-        let improved = |start: &Vec<f64>, rounds: usize| problem.improved(problem.shot(start), rounds);
-        let still = || problem.shot(&self.present.coefficients);
+        let starts = self.starts(&problem.discs, &wish.changes_mps);
+        let improved = |start: &Vec<f64>, rounds: usize| problem.improved(problem.shot(start, 0.0), rounds);
+        let still = || problem.shot(&self.present.coefficients, 0.0);
         let best = starts.iter().map(|start| improved(start, rounds)).reduce(better).unwrap_or_else(still);
         let mut best = problem.improved(best, ROUNDS);
         if wish.is_clipped && !self.is_resting && wish.left(&best.residual) > MUCH_LEFT {
-            let starts = self.bank(&around.discs, &wish.changes_mps, BANK);
+            let starts = self.bank(&problem.discs, &wish.changes_mps, BANK);
             if let Some(other) = starts.iter().map(|start| improved(start, BANK_FIRST_ROUNDS)).reduce(better) {
                 let other = problem.improved(other, BANK_ROUNDS);
                 if other.cost < BETTER * best.cost {
@@ -361,19 +348,18 @@ impl MovingPlanner {
     /// The motion after which the parts rest at their targets, and where they do; `None` where none brings them near
     /// enough.
     fn set_down(&self, parts: &[MovingPart]) -> Option<(Motion, Vec<Vec2>)> {
-        let around = self.surroundings(parts);
-        let problem = self.problem(&around, &Goal::Ends);
+        let problem = self.problem(parts, None);
         let worst_m = parts.iter().map(|part| part.left_m().norm()).fold(0.0, f64::max);
         let first = if self.is_resting { self.last.as_deref() } else { Some(&*self.present) };
         let mut starts: Vec<Vec<f64>> = first.iter().map(|motion| motion.coefficients.clone()).collect();
         if worst_m < 3.0 * SET_DOWN_M {
             let ahead_s = 0.75 * self.period_s();
             let steps: Vec<Vec2> = parts.iter().map(|part| part.left_m() - part.drift_mps * ahead_s).collect();
-            starts.extend(self.bank(&around.discs, &steps, BANK));
+            starts.extend(self.bank(&problem.discs, &steps, BANK));
         }
         let mut best: Option<(f64, Motion, Vec<Vec2>)> = None;
         for start in &starts {
-            let shot = problem.improved(problem.shot(start), BANK_ROUNDS);
+            let shot = problem.improved(problem.shot(start, 0.0), BANK_ROUNDS);
             let off_m = shot.worst();
             if best.as_ref().is_none_or(|(best_m, ..)| off_m < *best_m) {
                 best = Some((off_m, shot.motion, shot.rollout.ends_m.clone()));

@@ -1,10 +1,8 @@
 //! Search for the motion of the next segment: damped least squares as for a pulse from rest, on drifts instead of ends.
 
-use std::ops::Range;
-
 use nalgebra::{DMatrix, DVector};
 
-use super::aims::{CLOSING_PER_S, Goal, MovingPart};
+use super::aims::{CLOSING_PER_S, MovingPart, Wish};
 use super::model::MovingModel;
 use super::motion::{Motion, NearEdge};
 use crate::planner::PlannerParams;
@@ -22,16 +20,16 @@ const NEAR_PAIR_M: f64 = 0.03;
 const NEAR_EDGE_M: f64 = 0.02;
 
 /// The search for one segment.
-#[derive(Clone, Copy)]
 pub(super) struct SegmentProblem<'a> {
     pub model: &'a MovingModel,
     pub params: &'a PlannerParams,
     pub last: &'a Motion,
     pub parts: &'a [MovingPart],
-    pub discs: &'a [RolloutDisc],
+    pub discs: Vec<RolloutDisc>,
     /// Parts beside the edge.
-    pub edges: &'a [NearEdge],
-    pub goal: &'a Goal,
+    pub edges: Vec<NearEdge>,
+    /// The drifts at its end; `None` for a segment after which the parts rest at their targets.
+    pub wish: Option<&'a Wish>,
     pub pool: &'a RolloutPool,
 }
 
@@ -73,67 +71,49 @@ impl Shot {
 }
 
 impl SegmentProblem<'_> {
-    fn window(&self) -> usize {
-        self.model.basis.steps_a_period()
-    }
-
-    /// The steps that are judged: those of a period after the cross-fade, or of the last segment's decay, too.
-    fn judged(&self) -> Range<usize> {
-        0..2 * self.window()
-    }
-
-    /// The motion `coefficients` as strong as it can be, and its effect.
-    pub fn shot(&self, coefficients: &[f64]) -> Shot {
-        self.effect(Motion::strongest(self.model, self.edges, coefficients, self.last))
-    }
-
-    /// The motion `coefficients`, weakened where it is too strong, and its effect.
-    pub fn within_limits(&self, coefficients: &[f64]) -> Shot {
-        self.effect(Motion::within_limits(self.model, self.edges, coefficients, self.last))
-    }
-
-    fn effect(&self, motion: Motion) -> Shot {
+    /// The motion `coefficients`, as strong as it can be where it asks for more than `least` of the limits, and its
+    /// effect: over a period after the cross-fade, or over the last segment's decay, too.
+    pub fn shot(&self, coefficients: &[f64], least: f64) -> Shot {
+        let motion = Motion::scaled(self.model, &self.edges, coefficients, self.last, least);
         let mut rollout = self.pool.take();
         let plates = [self.last.plate.as_slice(), motion.plate.as_slice()];
-        let envelope = Envelope { sustain_s: self.goal.sustain_s(&self.model.envelope), ..self.model.envelope };
-        rollout.run_faded(&self.model.basis, plates, (&envelope, self.judged()), self.discs);
-        let (residual, guards): (Vec<Vec2>, _) = match self.goal {
-            Goal::Drifts { rates, aims_mps } => {
-                let drifts_mps = rollout.drifts_mps(&self.model.basis, self.window());
-                let places_m: Vec<Vec2> = rollout.last().map(|(place_m, _)| place_m).collect();
+        // a segment that sets the parts down decays as soon as it has risen
+        let sustain_s = self.wish.map_or(0.0, |_| self.model.envelope.sustain_s);
+        let envelope = Envelope { sustain_s, ..self.model.envelope };
+        let judged = 0..2 * self.model.basis.steps_a_period();
+        rollout.run_faded(&self.model.basis, plates, (&envelope, judged), &self.discs);
+        let (places_m, drifts_mps) = self.places_and_drifts(&rollout);
+        let residual: Vec<Vec2> = match self.wish {
+            Some(Wish { rates, aims_mps, .. }) => {
                 let each = drifts_mps.iter().zip(&places_m).zip(rates).zip(aims_mps);
-                let residual = each.map(|(((drift, place), rate), aim)| drift + place * *rate - aim).collect();
-                (residual, self.guards(&places_m, Some(&drifts_mps), 0.0))
+                each.map(|(((drift, place), rate), aim)| drift + place * *rate - aim).collect()
             }
-            Goal::Ends => {
-                let off = rollout.ends_m.iter().zip(self.parts).map(|(end, part)| end - part.target_m).collect();
-                (off, self.guards(&rollout.ends_m, None, 0.0))
-            }
+            None => places_m.iter().zip(self.parts).map(|(end, part)| end - part.target_m).collect(),
         };
         let residual = DVector::from_iterator(2 * residual.len(), residual.iter().flat_map(|r| [r.x, r.y]));
+        let guards = self.guards(&rollout, 0.0);
         let guarded: f64 = guards.iter().map(|guard| guard.missing * guard.missing).sum();
         let cost = residual.norm_squared() + GUARD * GUARD * guarded;
         Shot { motion, rollout, residual, guards, cost }
     }
 
-    /// All pairs and edges with no more than `spare` left.
-    pub fn gaps(&self, shot: &Shot, spare: f64) -> Vec<Guard> {
-        if let Goal::Ends = self.goal {
-            return self.guards(&shot.rollout.ends_m, None, spare);
+    /// Places, m, and drifts, m/s, at the end of the segment, or where the parts rest after it.
+    fn places_and_drifts(&self, rollout: &Rollout) -> (Vec<Vec2>, Vec<Vec2>) {
+        if self.wish.is_none() {
+            return (rollout.ends_m.clone(), vec![Vec2::zeros(); self.parts.len()]);
         }
-        let drifts_mps = shot.rollout.drifts_mps(&self.model.basis, self.window());
-        let places_m: Vec<Vec2> = shot.rollout.last().map(|(place_m, _)| place_m).collect();
-        self.guards(&places_m, Some(&drifts_mps), spare)
+        let drifts_mps = rollout.drifts_mps(&self.model.basis, self.model.basis.steps_a_period());
+        (rollout.last().map(|(place_m, _)| place_m).collect(), drifts_mps)
     }
 
-    /// Pairs and edges at `places_m` that are closed in on too fast with these drifts or nearly so, with no more than
-    /// `spare` left; without drifts, that are too close.
-    fn guards(&self, places_m: &[Vec2], drifts_mps: Option<&[Vec2]>, spare: f64) -> Vec<Guard> {
-        let rate = if drifts_mps.is_some() { STRICT * CLOSING_PER_S } else { 1.0 };
-        let speed = |part: usize| drifts_mps.map_or(Vec2::zeros(), |drifts| drifts[part]);
+    /// Pairs and edges that are closed in on too fast or nearly so, with no more than `spare` left; where the parts
+    /// rest, those that are too close.
+    pub fn guards(&self, rollout: &Rollout, spare: f64) -> Vec<Guard> {
+        let rate = if self.wish.is_some() { STRICT * CLOSING_PER_S } else { 1.0 };
+        let (places_m, drifts_mps) = self.places_and_drifts(rollout);
         let mut guards = Vec::new();
         let mut note = |part: usize, other: Option<usize>, normal: Vec2, gap_m: f64, margin_m: f64| {
-            let relative = speed(part) - other.map_or(Vec2::zeros(), speed);
+            let relative = drifts_mps[part] - other.map_or(Vec2::zeros(), |other| drifts_mps[other]);
             let missing = rate * (margin_m - gap_m) - normal.dot(&relative);
             if missing > -spare {
                 guards.push(Guard { part, other, normal, missing });
@@ -168,7 +148,7 @@ impl SegmentProblem<'_> {
             let missing = DVector::from_iterator(of_shot.ncols(), missing);
             let length: f64 = self.priced(&shot.motion.coefficients).iter().map(|c| c * c).sum();
             let Some(change) = damped_change(of_shot, &missing, reach * length.sqrt(), &mut raised) else { break };
-            let next = self.shot(&self.changed(&shot.motion.coefficients, &change));
+            let next = self.shot(&self.changed(&shot.motion.coefficients, &change), 0.0);
             if next.cost < shot.cost {
                 (reach, slopes) = ((WIDER * reach).min(WIDEST), None);
                 self.pool.keep(std::mem::replace(&mut shot, next).rollout);
@@ -206,26 +186,22 @@ impl SegmentProblem<'_> {
 
     /// Slopes of the residuals.
     pub fn task_slopes(&self, shot: &Shot) -> DMatrix<f64> {
-        let basis = &self.model.basis;
-        let mut slopes = match self.goal {
-            Goal::Drifts { rates, .. } => shot.rollout.drift_slopes(basis, self.window(), rates),
-            Goal::Ends => shot.rollout.slopes(basis),
-        };
-        self.price(&mut slopes);
-        slopes
+        self.part_slopes(shot, |wish| wish.rates.clone())
     }
 
     /// Slopes of what guards are made of, x and y of each part in turn.
     pub fn gap_slopes(&self, shot: &Shot) -> DMatrix<f64> {
+        self.part_slopes(shot, |wish| vec![STRICT * CLOSING_PER_S; wish.rates.len()])
+    }
+
+    /// Slopes of each part's drift plus `rates` times its place, or of the place where it rests.
+    fn part_slopes(&self, shot: &Shot, rates: impl Fn(&Wish) -> Vec<f64>) -> DMatrix<f64> {
         let basis = &self.model.basis;
-        let mut slopes = match self.goal {
-            Goal::Drifts { .. } => {
-                let rates = vec![STRICT * CLOSING_PER_S; self.parts.len()];
-                shot.rollout.drift_slopes(basis, self.window(), &rates)
-            }
-            Goal::Ends => shot.rollout.slopes(basis),
+        let mut slopes = match self.wish {
+            Some(wish) => shot.rollout.drift_slopes(basis, basis.steps_a_period(), &rates(wish)),
+            None => shot.rollout.slopes(basis),
         };
-        self.price(&mut slopes);
+        slopes.row_iter_mut().zip(&self.model.prices).for_each(|(mut row, price)| row /= *price);
         slopes
     }
 
@@ -241,9 +217,5 @@ impl SegmentProblem<'_> {
             }
         }
         columns
-    }
-
-    fn price(&self, slopes: &mut DMatrix<f64>) {
-        slopes.row_iter_mut().zip(&self.model.prices).for_each(|(mut row, price)| row /= *price);
     }
 }

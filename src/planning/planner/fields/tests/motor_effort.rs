@@ -26,7 +26,7 @@ proptest! {
         fields.attack_s = periods * TAU / fields.base_radps;
         let effort = MotorEffort::new(&basis, &library, HALF_SIDE_M).unwrap();
         let mut filled: Vec<f64> = coefficients.iter().map(|c| c * 10f64.powf(before)).collect();
-        effort.fill(&basis, &mut filled);
+        effort.scale(&basis, &mut filled, f64::INFINITY);
         let ratio = filled[0] / coefficients[0];
         prop_assert!(ratio > 0.0, "the motion is made larger or smaller, not another");
         prop_assert!(filled.iter().zip(&coefficients).all(|(f, c)| (f - c * ratio).abs() < 1e-9 * ratio));

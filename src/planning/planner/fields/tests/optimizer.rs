@@ -83,7 +83,7 @@ proptest! {
         let effort = upm_2_effort(&basis);
         let envelope = upm_2_envelope(sustain_s);
         let ShootingSetup { discs, start: mut known, .. } = scene;
-        effort.fill(&basis, &mut known);
+        effort.scale(&basis, &mut known, f64::INFINITY);
         let mut off = off;
         let scale = 0.2 * effort.norm(&known) / effort.norm(&off);
         off.iter_mut().for_each(|c| *c *= scale);

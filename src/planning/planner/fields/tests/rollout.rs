@@ -14,7 +14,7 @@ fn point(position_m: Vec2) -> RolloutDisc {
 /// Coefficients scaled to the limit of upm-2's motors.
 fn full(basis: &HarmonicBasis, coefficients: &[f64]) -> Vec<f64> {
     let mut filled = coefficients.to_vec();
-    upm_2_effort(basis).fill(basis, &mut filled);
+    upm_2_effort(basis).scale(basis, &mut filled, f64::INFINITY);
     filled
 }
 

@@ -7,7 +7,7 @@ use crate::planner::PartState;
 use crate::planner::fixture::{params, scene};
 use crate::planner::rotations::displacement_matrix::{DisplacementMatrix, PulseScale};
 use crate::planner::rotations::least_time::LeastTime;
-use crate::planner::rotations::refine::Refined;
+use crate::planner::rotations::refine::{Refined, SequenceProblem};
 use crate::planner::rotations::subgoals::Clearance;
 use upm_core::geometry::Vec2;
 
@@ -61,9 +61,10 @@ proptest! {
         let columns = DisplacementMatrix::all(&motion_set, &parts, &room, (3e-3, PulseScale::COARSE));
         let found = LeastTime::solve(&columns, &steps_mm(&parts), 1.0, &[]).unwrap();
         let used = found.counts.iter().enumerate().filter(|(_, count)| **count > 0.3).map(|(j, _)| columns.pulses[j]);
-        let first = Refined::of(&motion_set, used.collect(), &parts, &goal_m, &room);
+        let problem = SequenceProblem { motion_set: &motion_set, parts: &parts, goal_m: &goal_m, room: &room };
+        let first = Refined::of(&problem, used.collect());
         let before_m = first.merit_m();
-        let after = first.refined(&motion_set, &parts, &goal_m, &room, (6, 0.1e-3));
+        let after = first.refined(&problem, (6, 0.1e-3));
         prop_assert!(after.merit_m() <= before_m);
         for pulse in &after.pulses {
             let (low_m, high_m) = motion_set.range_m(pulse.dial);

@@ -1,19 +1,13 @@
 //! Planning of one cycle.
 
-use super::found::finding_of_plan;
-use super::gain_estimator::GainEstimator;
-use super::params::ControlParams;
-use super::progress::ProgressWatch;
-use super::pulse_planner::PulsePlanner;
-use super::run_end::{OrEnd, RunEnd};
+use super::ControlCycle;
+use crate::found::finding_of_plan;
+use crate::run_end::{OrEnd, RunEnd};
 use upm_core::geometry::Vec2;
 use upm_core::job::Finding;
-use upm_planning::cor_library::Library;
 use upm_planning::planner::{Corridor, Independence, PartState, Plan, PlanStatus, PlanningMethod};
 use upm_planning::task::{PathStretch, Setpoints};
 
-/// Plate time without a pulse after which a run counts as stalled, s.
-pub(super) const STALLED_S: f64 = 10.0;
 /// Shares of the steps that are tried for all parts together.
 const FRACTIONS: [f64; 4] = [1.0, 0.5, 0.25, 0.125];
 /// Least displacement of the hardest joint motion of all parts, as a share of the best one. The shipped jobs by
@@ -21,63 +15,43 @@ const FRACTIONS: [f64; 4] = [1.0, 0.5, 0.25, 0.125];
 /// less than 1e-6.
 const LEAST_SHARE: f64 = 1e-4;
 
-/// The planner of a run together with the gains the run has learned and its progress.
-pub(super) struct Planning<'a> {
-    pub params: &'a ControlParams,
-    pub library: &'a Library,
-    pub planner: PulsePlanner,
-    pub gains: GainEstimator,
-    pub watch: ProgressWatch,
-}
-
-impl<'a> Planning<'a> {
-    /// State at the start of a run on a plate of half side `half_side_m`.
-    pub fn new(params: &'a ControlParams, library: &'a Library, planner: PulsePlanner, half_side_m: f64) -> Self {
-        let gains = GainEstimator::new(params.parts.len(), half_side_m);
-        Self { params, library, planner, gains, watch: ProgressWatch::new(params.follows_paths, params.tolerance_m) }
-    }
-
-    /// The parts at `seen_m`, each with its step to the subgoal, shortened by `shorten`.
-    pub fn states(&self, seen_m: &[Vec2], wanted: &Setpoints, shorten: impl Fn(Vec2) -> Vec2) -> Vec<PartState> {
-        let places = seen_m.iter().zip(&wanted.subgoals_m).enumerate();
-        let state = |(part, (&position_m, subgoal_m)): (usize, (&Vec2, &Vec2))| PartState {
-            position_m,
-            step_m: shorten(subgoal_m - position_m),
-            radius_m: self.params.radius_m(part),
-            gain: self.gains.get(part, position_m),
-        };
-        places.map(state).collect()
-    }
-
-    /// Plans the steps of cycle `cycle`; where they are infeasible, half of them, and half again; then one part at a
-    /// time, the one farthest from its subgoal first, while the others stay. `tried` receives every plan, and whether
-    /// it is for a share of the steps only, and may end the run.
+impl ControlCycle<'_, '_> {
+    /// Plans the wanted steps; where they are infeasible, half of them, and half again; then one part at a time, the
+    /// one farthest from its subgoal first, while the others stay.
     ///
     /// # Errors
     /// The ending of a run without a feasible step.
-    pub fn plan(
-        &mut self,
-        cycle: u64,
-        wanted: &Setpoints,
-        whole: &[PartState],
-        mut tried: impl FnMut(&Plan, bool) -> OrEnd,
-    ) -> OrEnd<Plan> {
+    pub(super) fn plan(&mut self, seen_m: &[Vec2], wanted: &Setpoints) -> OrEnd<Plan> {
+        let _span = tracing::trace_span!("plan").entered();
+        self.check_stop()?;
+        let (params, places) = (self.params, seen_m.iter().zip(&wanted.subgoals_m).enumerate());
+        let state = |(part, (&position_m, subgoal_m)): (usize, (&Vec2, &Vec2))| PartState {
+            position_m,
+            step_m: self.cautious(subgoal_m - position_m),
+            radius_m: params.radius_m(part),
+            gain: self.gains.get(part, position_m),
+        };
+        let whole: Vec<PartState> = places.map(state).collect();
         let corridor = |path: &PathStretch| Corridor { line: path.line.clone(), half_width_m: path.corridor_m };
         let corridors: Vec<_> = wanted.paths.iter().map(|path| path.as_ref().map(corridor)).collect();
         let mut stopped_by = String::new();
         self.planner.limit_stride(wanted.stride_m);
-        for (steps, is_part) in fallbacks(whole, self.planner.tries_smaller()) {
+        for (steps, is_part) in fallbacks(&whole, self.planner.tries_smaller()) {
             let plan = self.planner.plan(&steps, &corridors);
-            tried(&plan, is_part)?;
-            match finding_of_plan(&plan.status, |part| self.params.id(part)) {
+            let found = finding_of_plan(&plan.status, |part| params.id(part));
+            if let Some((finding, why)) = found.as_ref().filter(|_| !is_part) {
+                self.warn(*finding, format!("steps are cut short or made one part at a time, because {why}"));
+            }
+            self.check_stop()?;
+            match found {
                 None if is_part && plan.status == PlanStatus::NothingToDo => continue,
                 None => return Ok(plan),
                 Some((_, why)) => stopped_by = why,
             }
             self.watch.note(&plan.status);
         }
-        let seen_m: Vec<Vec2> = whole.iter().map(|part| part.position_m).collect();
-        let blocking_part = self.blocking_part(wanted, &seen_m);
+        let blocking_part = self.watch.blocking_part_description(wanted, seen_m, params);
+        let cycle = self.index;
         let reason = format!("no feasible step in cycle {cycle}, {}: {stopped_by}; {blocking_part}", wanted.phase);
         Err(RunEnd::failed_because(Finding::NoFeasibleStep, reason))
     }
@@ -85,7 +59,7 @@ impl<'a> Planning<'a> {
     /// Ends the run where rotations are played, a part is to be moved, and the library cannot move the parts at
     /// `seen_m` independently. The ending names the part that moves farthest in the hardest joint motion, its direction
     /// there and the bound.
-    pub fn check_controllable(&self, seen_m: &[Vec2], wanted: &Setpoints) -> OrEnd {
+    pub(super) fn check_controllable(&self, seen_m: &[Vec2], wanted: &Setpoints) -> OrEnd {
         let by_rotations = match self.params.method {
             PlanningMethod::CorSequence | PlanningMethod::PseudoInverse => true,
             PlanningMethod::SynthesizedField | PlanningMethod::MovingField => false,
@@ -110,13 +84,8 @@ impl<'a> Planning<'a> {
         Err(RunEnd::failed_because(Finding::Uncontrollable, reason))
     }
 
-    /// The part that is farthest from its place, for people.
-    pub fn blocking_part(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> String {
-        self.watch.blocking_part_description(wanted, seen_m, self.params)
-    }
-
     /// True if a run that only its time limit ends has nothing to do: every part is at its place.
-    pub fn rests_without_end(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> bool {
+    pub(super) fn rests_without_end(&self, wanted: &Setpoints, seen_m: &[Vec2]) -> bool {
         let is_there = |(seen, subgoal): (&Vec2, &Vec2)| (subgoal - seen).norm() <= self.params.tolerance_m;
         self.params.endless && seen_m.iter().zip(&wanted.subgoals_m).all(is_there)
     }
