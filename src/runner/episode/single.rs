@@ -24,7 +24,7 @@ pub struct Episode {
     seed: u64,
     plate: SteppedPlate,
     planner: ActionPlanner,
-    /// Learned for actions that are steps.
+    /// Learned from steps that are planned here, and from any action in a state in which the expert was asked.
     gains: GainEstimator,
     /// Target of each part, m.
     targets_m: Vec<Vec2>,
@@ -107,8 +107,9 @@ impl Episode {
         let drive = pulse.as_ref().map(|pulse| pulse.drive(&self.params.library).ok_or_else(undriven)).transpose()?;
         let before_m = self.mean_distance_m();
         self.plate.play(drive.as_ref())?;
-        self.expert = None;
-        if let Some(pulse) = pulse.filter(|_| self.params.action == ActionKind::Steps) {
+        // planning a step reads the gains, and so does the expert
+        let is_planned = self.expert.take().is_some() || self.params.action == ActionKind::Steps;
+        if let Some(pulse) = pulse.filter(|_| is_planned) {
             let forecast = |parts: &[PartState]| self.planner.forecast(parts, &pulse);
             self.gains.learn_pulse(&pulse, &at_rest, &self.plate.seen_m, &forecast);
         }

@@ -7,6 +7,7 @@ use super::library::job_library;
 use super::setup::{RunSetup, TruthInJobOrder, simulated_rig};
 use crate::config::{Diagnostic, JobSpec};
 use upm_control::{ControlParams, Sink};
+use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::rig::Rig;
 use upm_core::time::StoppedClock;
 use upm_planning::cor_library::Library;
@@ -49,6 +50,11 @@ impl<'a> InMemoryRun<'a> {
     /// COR library of the run.
     pub fn library(&self) -> &Arc<Library> {
         &self.library
+    }
+
+    /// True state of the simulated rig, as of each frame.
+    pub fn truth(&self) -> GroundTruthHandle {
+        self.setup.truth.clone()
     }
 
     /// Parts, tolerance and limits of the control loop.
