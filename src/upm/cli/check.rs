@@ -24,7 +24,7 @@ use upm_viewer::RerunSink;
 /// Largest number of dry runs of a job, which run at the same time.
 const MOST_DRY_RUNS: usize = 32;
 
-/// What `--picture` draws.
+/// Beginning of a refusal of `--picture`.
 const PICTURE: &str = "--picture: expected one library or, with --plan, one job";
 
 /// Contents of a valid file.

@@ -14,7 +14,7 @@ pub(super) static HELP: LazyLock<String> = LazyLock::new(|| {
     lacking(|missing| format!("Built without {missing}. `cargo install --path .` builds everything."))
 });
 
-/// What is said of the features that this build lacks; empty if it has all.
+/// The text about the features that this build lacks; empty if it has all.
 fn lacking(text: impl Fn(String) -> String) -> String {
     let missing: Vec<&str> = FEATURES.iter().filter(|(_, built)| !built).map(|(name, _)| *name).collect();
     if missing.is_empty() { String::new() } else { text(missing.join(", ")) }
