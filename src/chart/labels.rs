@@ -25,9 +25,9 @@ pub(crate) fn place_labels(parts: &[LabelledDisc], bounds: [[f64; 2]; 2]) -> Vec
     let mut placed: Vec<[f64; 2]> = Vec::with_capacity(parts.len());
     for part in parts {
         let is_free = |center: &[f64; 2]| {
-            let off_labels = placed.iter().zip(parts).all(|(other, of)| on_label(*center, part, *other, of) <= 0.0);
-            let off_discs = parts.iter().all(|other| on_disc(*center, part.half, other) <= 0.0);
-            off_labels && off_discs && outside(*center, part.half, bounds) <= 0.0
+            let on_label = placed.iter().zip(parts).any(|(other, of)| covers_label(*center, part, *other, of));
+            let on_disc = parts.iter().any(|other| covers_disc(*center, part.half, other));
+            !on_label && !on_disc && is_within(*center, part.half, bounds)
         };
         placed.push(candidates(part).find(is_free).or_else(|| candidates(part).next()).unwrap_or(part.center));
     }
@@ -51,32 +51,27 @@ fn touching(radius: f64, [w, h]: [f64; 2], [cos, sin]: [f64; 2]) -> f64 {
     let (mut near, mut far) = (0.0, radius + w + h);
     for _ in 0..24 {
         let middle = 0.5 * (near + far);
-        let apart = ((middle * cos).abs() - w).max(0.0).hypot(((middle * sin).abs() - h).max(0.0));
-        if apart < radius { near = middle } else { far = middle }
+        let disc = LabelledDisc { center: [middle * cos, middle * sin], radius, half: [w, h] };
+        if covers_disc([0.0; 2], disc.half, &disc) { near = middle } else { far = middle }
     }
     far
 }
 
-/// Depth to which a label covers a disc.
-fn on_disc([x, y]: [f64; 2], [w, h]: [f64; 2], disc: &LabelledDisc) -> f64 {
-    let [cx, cy] = disc.center;
-    let apart = ((cx - x).abs() - w).max(0.0).hypot(((cy - y).abs() - h).max(0.0));
-    (disc.radius - apart).max(0.0)
+/// True where a label covers some of a disc.
+fn covers_disc(center: [f64; 2], half: [f64; 2], disc: &LabelledDisc) -> bool {
+    let [x, y] = [0, 1].map(|axis| ((disc.center[axis] - center[axis]).abs() - half[axis]).max(0.0));
+    x.hypot(y) < disc.radius
 }
 
-/// Depth to which two labels cover each other.
-fn on_label(a: [f64; 2], of_a: &LabelledDisc, b: [f64; 2], of_b: &LabelledDisc) -> f64 {
-    let depth = |axis: usize| of_a.half[axis] + of_b.half[axis] - (a[axis] - b[axis]).abs();
-    depth(0).min(depth(1)).max(0.0)
+/// True where two labels cover each other in part.
+fn covers_label(a: [f64; 2], of_a: &LabelledDisc, b: [f64; 2], of_b: &LabelledDisc) -> bool {
+    [0, 1].iter().all(|&axis| (a[axis] - b[axis]).abs() < of_a.half[axis] + of_b.half[axis])
 }
 
-/// Depth to which a label is outside `bounds`.
-fn outside(center: [f64; 2], half: [f64; 2], bounds: [[f64; 2]; 2]) -> f64 {
-    let beyond = |axis: usize| {
-        let [low, high] = bounds[axis];
-        (low - (center[axis] - half[axis])).max(center[axis] + half[axis] - high).max(0.0)
-    };
-    beyond(0).max(beyond(1))
+/// True where a label is within `bounds`.
+fn is_within(center: [f64; 2], half: [f64; 2], bounds: [[f64; 2]; 2]) -> bool {
+    let ends = |axis: usize| [center[axis] - half[axis], center[axis] + half[axis]];
+    [0, 1].iter().all(|&axis| ends(axis)[0] >= bounds[axis][0] && ends(axis)[1] <= bounds[axis][1])
 }
 
 #[cfg(test)]
@@ -114,12 +109,12 @@ mod tests {
             prop_assert_eq!(placed.len(), parts.len());
             for (i, place) in placed.iter().enumerate() {
                 for part in &parts {
-                    prop_assert!(on_disc(*place, parts[i].half, part) < 1e-6, "{i}: {place:?} on {part:?}");
+                    prop_assert!(!covers_disc(*place, parts[i].half, part), "{i}: {place:?} on {part:?}");
                 }
                 for (j, other) in placed.iter().enumerate().take(i) {
-                    prop_assert!(on_label(*place, &parts[i], *other, &parts[j]) < 1e-6, "{i} on {j}: {place:?} {other:?}");
+                    prop_assert!(!covers_label(*place, &parts[i], *other, &parts[j]), "{i} on {j}: {place:?} {other:?}");
                 }
-                prop_assert!(outside(*place, parts[i].half, BOUNDS) < 1e-9);
+                prop_assert!(is_within(*place, parts[i].half, BOUNDS));
             }
         }
     }

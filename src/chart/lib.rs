@@ -1,4 +1,4 @@
-//! Charts as plain data: their content, and the pictures of them as SVG.
+//! Charts as plain data: their content, and the pictures of them as SVG. Tables as text.
 
 #![allow(clippy::disallowed_methods, reason = "a picture may differ in the last bit")]
 
@@ -6,11 +6,13 @@ mod decades;
 mod labels;
 mod palette;
 mod svg;
+mod text_table;
 
 use labels::{LabelledDisc, place_labels};
 pub use palette::{Ground, Palette};
 
 pub use svg::svg;
+pub use text_table::text_table;
 
 /// A chart: layers over a pair of axes.
 #[derive(Clone, Debug, PartialEq)]

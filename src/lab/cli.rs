@@ -26,20 +26,11 @@ use super::vision::vision_of;
 use super::{LabError, LabRig};
 use args::{Cli, Command, ExperimentArgs};
 use failure::Failure;
-use upm_chart::{Chart, Layer};
+use upm_chart::{Chart, Layer, text_table};
 use upm_runner::config::{RigSpec, load_trace, one_of, trace_to_json};
 
 /// Name that selects all experiments.
 const ALL: &str = "all";
-
-/// Result of an experiment, and the files with its plots.
-struct ExperimentOutput {
-    name: String,
-    /// Rig, seed and settings.
-    on: String,
-    outcome: ExperimentResult,
-    written: Vec<PathBuf>,
-}
 
 /// Parses the command line and runs the command.
 pub fn main() -> ExitCode {
@@ -79,9 +70,7 @@ fn run(cli: &Cli) -> Result<String, Failure> {
         None => Ok(list(cli.json)),
         Some(ALL) => all(cli),
         Some(name) if args.settings => list_settings(named(name)?, args, cli.json),
-        Some(name) => {
-            make(name, cli).map(|made| if cli.json { format!("{:#}", made.as_json()) } else { made.as_text() })
-        }
+        Some(name) => make(name, cli).map(|(json, text)| if cli.json { format!("{json:#}") } else { text }),
     }
 }
 
@@ -100,18 +89,18 @@ fn all(cli: &Cli) -> Result<String, Failure> {
     }
     let mut rows = Vec::new();
     for experiment in EXPERIMENTS {
-        let made = make(experiment.name, cli)?;
+        let (json, text) = make(experiment.name, cli)?;
         if cli.json {
-            rows.push(made.as_json());
+            rows.push(json);
         } else {
-            print(made.as_text())?;
+            print(text)?;
         }
     }
     Ok(if cli.json { format!("{:#}", json!({ "seed": args.seed, "experiments": rows })) } else { String::new() })
 }
 
-/// Runs an experiment, or evaluates a recorded trace, and writes its plots.
-fn make(name: &str, cli: &Cli) -> Result<ExperimentOutput, Failure> {
+/// Runs an experiment, or evaluates a recorded trace, and writes its plots; returns the result as JSON and as text.
+fn make(name: &str, cli: &Cli) -> Result<(Value, String), Failure> {
     let args = &cli.experiment;
     for (option, is_given, of) in
         [("--trace", args.trace.is_some(), WAVEFORM_FIT), ("--scenes", args.scenes.is_some(), VISION)]
@@ -125,42 +114,38 @@ fn make(name: &str, cli: &Cli) -> Result<ExperimentOutput, Failure> {
         None => measure(name, cli)?,
     };
     let written = write_files(name, &outcome, args)?;
-    Ok(ExperimentOutput { name: name.to_owned(), on, outcome, written })
+    Ok((as_json(name, &on, &outcome), as_text(name, &on, &outcome, &written)))
 }
 
-impl ExperimentOutput {
-    /// Title, tables, notes and files.
-    fn as_text(&self) -> String {
-        let Self { name, on, outcome, written } = self;
-        let mut lines = if outcome.figures.is_empty() { Vec::new() } else { table(&outcome.figures) };
-        lines.extend(outcome.sheet.iter().flat_map(columns));
-        lines.extend(outcome.notes.iter().cloned());
-        lines.extend(written.iter().map(|path| format!("{:10} {}", "written", path.display())));
-        lines.iter().fold(format!("{name}, {on}\n"), |text, line| text + "  " + line + "\n")
-    }
+/// Title, tables, notes and files; the title has rig, seed and settings, too.
+fn as_text(name: &str, on: &str, outcome: &ExperimentResult, written: &[PathBuf]) -> String {
+    let mut lines = if outcome.figures.is_empty() { Vec::new() } else { table(&outcome.figures) };
+    lines.extend(outcome.sheet.iter().flat_map(columns));
+    lines.extend(outcome.notes.iter().cloned());
+    lines.extend(written.iter().map(|path| format!("{:10} {}", "written", path.display())));
+    lines.iter().fold(format!("{name}, {on}\n"), |text, line| text + "  " + line + "\n")
+}
 
-    fn as_json(&self) -> Value {
-        let Self { name, on, outcome, .. } = self;
-        let figure = |figure: &Figure| {
-            let Figure { name, unit, measured, reference, source } = figure;
-            let error = figure.relative_error();
-            json!({ "name": name, "unit": unit, "measured": measured, "reference": reference, "source": source, "relative_error": error })
-        };
-        let layer = |layer: &Layer| json!({ "label": layer.label, "points": layer.points });
-        let chart = |Chart { name, title, x, y, layers, .. }: &Chart| {
-            let layers: Vec<Value> = layers.iter().map(layer).collect();
-            json!({ "name": name, "title": title, "x": x.label, "y": y.label, "layers": layers })
-        };
-        let table = outcome.sheet.as_ref().map(|sheet| json!({ "columns": sheet.columns, "rows": sheet.rows }));
-        json!({
-            "experiment": name,
-            "on": on,
-            "figures": outcome.figures.iter().map(figure).collect::<Vec<_>>(),
-            "charts": outcome.charts.iter().map(chart).collect::<Vec<_>>(),
-            "table": table,
-            "notes": outcome.notes,
-        })
-    }
+fn as_json(name: &str, on: &str, outcome: &ExperimentResult) -> Value {
+    let figure = |figure: &Figure| {
+        let Figure { name, unit, measured, reference, source } = figure;
+        let error = figure.relative_error();
+        json!({ "name": name, "unit": unit, "measured": measured, "reference": reference, "source": source, "relative_error": error })
+    };
+    let layer = |layer: &Layer| json!({ "label": layer.label, "points": layer.points });
+    let chart = |Chart { name, title, x, y, layers, .. }: &Chart| {
+        let layers: Vec<Value> = layers.iter().map(layer).collect();
+        json!({ "name": name, "title": title, "x": x.label, "y": y.label, "layers": layers })
+    };
+    let table = outcome.sheet.as_ref().map(|sheet| json!({ "columns": sheet.columns, "rows": sheet.rows }));
+    json!({
+        "experiment": name,
+        "on": on,
+        "figures": outcome.figures.iter().map(figure).collect::<Vec<_>>(),
+        "charts": outcome.charts.iter().map(chart).collect::<Vec<_>>(),
+        "table": table,
+        "notes": outcome.notes,
+    })
 }
 
 fn list(json: bool) -> String {
@@ -168,14 +153,13 @@ fn list(json: bool) -> String {
         let rows = EXPERIMENTS.iter().map(|one| json!({ "experiment": one.name, "about": one.about }));
         return format!("{:#}", rows.collect::<Value>());
     }
-    let names = EXPERIMENTS.iter().map(|one| (one.name, one.about)).chain([(ALL, "all of these")]);
-    aligned(names.map(|(name, about)| (name, about.to_owned())).collect())
+    let names = EXPERIMENTS.iter().map(|one| [one.name, one.about]).chain([[ALL, "all of these"]]);
+    aligned(names.map(|row| row.map(str::to_owned).to_vec()))
 }
 
-/// Lines of a key and its text, the texts in one column.
-fn aligned(rows: Vec<(&str, String)>) -> String {
-    let width = rows.iter().map(|(key, _)| key.len()).max().unwrap_or(0);
-    rows.into_iter().map(|(key, text)| format!("{key:width$}  {text}\n")).collect()
+/// Lines with their cells in columns.
+fn aligned(rows: impl Iterator<Item = Vec<String>>) -> String {
+    text_table(&rows.collect::<Vec<_>>(), |_| false).join("\n")
 }
 
 fn named(name: &str) -> Result<&'static Experiment, Failure> {
@@ -186,17 +170,17 @@ fn named(name: &str) -> Result<&'static Experiment, Failure> {
 }
 
 fn list_settings(experiment: &Experiment, args: &ExperimentArgs, json: bool) -> Result<String, Failure> {
-    let settings = experiment.method.settings(&rig_for(experiment, args)?);
+    let settings = (experiment.settings)(&rig_for(experiment, args)?);
     if json {
         let row = |SettingInfo { key, about, usual, range }: &SettingInfo| json!({ "key": key, "about": about, "usual": usual, "range": range });
         return Ok(format!("{:#}", settings.iter().map(row).collect::<Value>()));
     }
     let row = |SettingInfo { key, about, usual, range: [least, most] }: &SettingInfo| {
-        (*key, format!("{about} ({least} to {most}); usually {}", rounded(*usual)))
+        vec![(*key).to_owned(), format!("{about} ({least} to {most}); usually {}", rounded(*usual))]
     };
     match settings.is_empty() {
         true => Ok(format!("{} has no settings", experiment.name)),
-        false => Ok(aligned(settings.iter().map(row).collect())),
+        false => Ok(aligned(settings.iter().map(row))),
     }
 }
 
@@ -229,7 +213,7 @@ fn measure(name: &str, cli: &Cli) -> Result<(String, ExperimentResult), Failure>
     let rig = rig_for(experiment, args)?;
     let outcome = with_progress(cli.quiet, experiment.about, |show| match args.scenes {
         Some(scenes) => Ok(vision_of(rig.seed, scenes as usize, show)),
-        None => experiment.method.run(&rig, &request, show),
+        None => (experiment.run)(&rig, &request, show),
     });
     let outcome = outcome.map_err(|fault| match fault {
         LabError::Setting(fault) => Failure::bad_input(format!("{name}: {fault}")),

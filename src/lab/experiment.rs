@@ -13,8 +13,10 @@ pub struct Experiment {
     pub about: &'static str,
     /// Where it runs.
     pub kind: Kind,
-    /// Procedure of the experiment.
-    pub method: &'static dyn Method,
+    /// Descriptions of the parameters of its machine.
+    pub settings: fn(&LabRig) -> Vec<SettingInfo>,
+    /// Its procedure.
+    pub run: fn(&LabRig, &Request, Progress<'_>) -> Result<ExperimentResult, LabError>,
 }
 
 /// Where an experiment runs.
@@ -37,58 +39,36 @@ pub struct Request {
     pub sweep: Option<Sweep>,
 }
 
-/// A procedure whose machine can be set.
-pub trait Method: Sync {
-    /// Descriptions of the machine's parameters.
-    fn settings(&self, rig: &LabRig) -> Vec<SettingInfo>;
-
-    /// Runs the experiment.
-    ///
-    /// # Errors
-    ///
-    /// A parameter that is not allowed, or a rig that cannot carry out the experiment.
-    fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<ExperimentResult, LabError>;
+/// Descriptions of the parameters of `machine`, which has default values.
+fn described<M>(settings: &[Setting<M>], mut machine: M) -> Vec<SettingInfo> {
+    let info = |setting: &Setting<M>| {
+        let Setting { key, about, range, .. } = *setting;
+        SettingInfo { key, about, range, usual: setting.value(&mut machine) }
+    };
+    settings.iter().map(info).collect()
 }
 
-/// The procedure of an experiment on machines of type `M`.
-#[derive(Clone, Copy, Debug)]
-pub struct Procedure<M: 'static> {
-    /// Parameters of the machine that can be set.
-    pub settings: &'static [Setting<M>],
-    /// The machine with default values.
-    pub usual: fn(&LabRig) -> M,
-    /// Measures one machine.
-    pub measure: fn(&M, Progress<'_>) -> Result<ExperimentResult, LabError>,
-    /// Reproduces the published experiments.
-    pub reproduce: fn(&LabRig, Progress<'_>) -> Result<ExperimentResult, LabError>,
-}
-
-impl<M: Clone + Send + Sync> Method for Procedure<M> {
-    fn settings(&self, rig: &LabRig) -> Vec<SettingInfo> {
-        let mut usual = (self.usual)(rig);
-        let info = |setting: &Setting<M>| {
-            let Setting { key, about, range, .. } = *setting;
-            SettingInfo { key, about, range, usual: setting.value(&mut usual) }
-        };
-        self.settings.iter().map(info).collect()
-    }
-
-    fn run(&self, rig: &LabRig, request: &Request, progress: Progress<'_>) -> Result<ExperimentResult, LabError> {
-        let machine = assigned(self.settings, &(self.usual)(rig), &request.assignments)?;
-        match &request.sweep {
-            Some(sweep) => {
-                let setting = find(self.settings, &sweep.key)?;
-                let measure = |value: f64| {
-                    let mut machine = machine.clone();
-                    setting.set(&mut machine, value)?;
-                    (self.measure)(&machine, &|_| ())
-                };
-                sweep.run(measure, progress)
-            }
-            None if request.assignments.is_empty() => (self.reproduce)(rig, progress),
-            None => (self.measure)(&machine, progress),
-        }
-    }
+/// Measures `machine`, or several of them in a sweep, with the parameters that are set.
+///
+/// # Errors
+///
+/// A parameter that is not allowed, or a rig that cannot carry out the experiment.
+fn measured<M: Clone + Sync>(
+    settings: &[Setting<M>],
+    machine: &M,
+    measure: fn(&M, Progress<'_>) -> Result<ExperimentResult, LabError>,
+    request: &Request,
+    progress: Progress<'_>,
+) -> Result<ExperimentResult, LabError> {
+    let machine = assigned(settings, machine, &request.assignments)?;
+    let Some(sweep) = &request.sweep else { return measure(&machine, progress) };
+    let setting = find(settings, &sweep.key)?;
+    let at = |value: f64| {
+        let mut machine = machine.clone();
+        setting.set(&mut machine, value)?;
+        measure(&machine, &|_| ())
+    };
+    sweep.run(at, progress)
 }
 
 /// Parameters of the simulated plate that can be set for experiments on it.
@@ -106,27 +86,27 @@ const NONE: &[Setting<LabRig>] = &[];
 /// Experiments, each by its kind, its name, its module and its settings or its machine, and its description.
 macro_rules! experiments {
     (@ Machine $module:ident $machine:ident) => {
-        &Procedure {
-            settings: $module::SETTINGS,
-            usual: |_| $module::$machine::published(),
-            measure: $module::measure,
-            reproduce: $module::reproduce,
-        }
+        ($module::SETTINGS, |_: &LabRig| $module::$machine::published(), $module::measure, $module::reproduce)
     };
     (@ $plate:ident $make:ident $settings:ident) => {
-        &Procedure {
-            settings: $settings,
-            usual: LabRig::clone,
-            measure: super::$make::$make,
-            reproduce: super::$make::$make,
-        }
+        ($settings, LabRig::clone, super::$make::$make, super::$make::$make)
     };
     ($($kind:ident, $name:expr, $module:ident, $item:ident, $about:literal;)+) => {
         &[$(Experiment {
             name: $name,
             about: $about,
             kind: Kind::$kind,
-            method: experiments!(@ $kind $module $item),
+            settings: |rig| {
+                let (settings, usual, ..) = experiments!(@ $kind $module $item);
+                described(settings, usual(rig))
+            },
+            run: |rig, request, progress| {
+                let (settings, usual, measure, reproduce) = experiments!(@ $kind $module $item);
+                if *request == Request::default() {
+                    return reproduce(rig, progress);
+                }
+                measured(settings, &usual(rig), measure, request, progress)
+            },
         }),+]
     };
 }

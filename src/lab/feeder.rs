@@ -59,9 +59,9 @@ pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<ExperimentResult, Lab
     let sliding = feeder.sliding();
     let Sliding { drag_mps2, push_mps2 } = sliding;
     if plate.accel_mps2 <= drag_mps2 {
+        let (least, found) = (format!("{drag_mps2:.3} (friction times gravity)"), plate.accel_mps2);
         return Err(LabError::Setting(format!(
-            "accel_mps2: expected more than {drag_mps2:.3} (friction times gravity), found {}: the part sticks",
-            plate.accel_mps2
+            "accel_mps2: expected more than {least}, found {found}: the part sticks"
         )));
     }
     if push_mps2.abs() >= drag_mps2 {
@@ -97,14 +97,11 @@ pub fn measure(feeder: &Feeder, _: Progress<'_>) -> Result<ExperimentResult, Lab
     let figures = [rate].into_iter().chain(others).chain(ends).collect();
     let mut notes = Vec::new();
     if exact_mps.is_none() {
-        notes.push(format!(
-            "no closed form: the part rides along on a flank of the plate's velocity up to accel_mps2 = {:.3}",
-            sliding.least_accel_mps2()
-        ));
+        let flank = "no closed form: the part rides along on a flank of the plate's velocity";
+        notes.push(format!("{flank} up to accel_mps2 = {:.3}", sliding.least_accel_mps2()));
     } else if is_forced && saturates {
-        notes.push(format!(
-            "K describes the rate under this force up to duty = {saturation:.4}, where the part saturates"
-        ));
+        let end = format!("duty = {saturation:.4}, where the part saturates");
+        notes.push(format!("K describes the rate under this force up to {end}"));
     }
     Ok(ExperimentResult { figures, notes, ..ExperimentResult::default() })
 }

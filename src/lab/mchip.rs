@@ -86,11 +86,9 @@ pub fn measure(chip: &MChip, progress: Progress<'_>) -> Result<ExperimentResult,
     let &MChip { job, starts, seed } = chip;
     let Device { ridge_height_m, rim_radius_m, .. } = job.setup.device;
     if rim_radius_m > 0.5 * ridge_height_m {
-        return Err(LabError::Setting(format!(
-            "rim_um: expected at most {:.3} (half of the ridge's height), found {}",
-            1e6 * 0.5 * ridge_height_m,
-            1e6 * rim_radius_m
-        )));
+        let [most, found] = [0.5 * ridge_height_m, rim_radius_m].map(|radius_m| 1e6 * radius_m);
+        let expected = format!("expected at most {most:.3} (half of the ridge's height)");
+        return Err(LabError::Setting(format!("rim_um: {expected}, found {found}")));
     }
     let streams = Streams::new(seed.into());
     let mut batch = Batch::default();

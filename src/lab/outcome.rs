@@ -64,11 +64,6 @@ pub struct DataSheet {
 }
 
 impl DataSheet {
-    /// A sheet of `rows` with these headings.
-    pub(super) fn new<const N: usize>(columns: [&str; N], rows: Vec<Vec<f64>>) -> Self {
-        Self { columns: columns.map(str::to_owned).to_vec(), rows }
-    }
-
     /// Adds a column; NaN where `column` has no value.
     pub(super) fn add(&mut self, name: &str, column: impl Iterator<Item = Option<f64>>) {
         self.columns.push(name.to_owned());

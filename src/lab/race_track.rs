@@ -165,13 +165,8 @@ fn figures_of(rig: &LabRig, race: &Race) -> Vec<Figure> {
         ]);
     }
     let outer_m = laps[OUTER].1;
-    found.extend(
-        NAMES
-            .iter()
-            .zip(&laps)
-            .take(OUTER)
-            .map(|(coin, (_, arc_m))| figure("{}: arc over the outer coin's", arc_m / outer_m).of(coin)),
-    );
+    let over_outer = |coin: usize| figure("{}: arc over the outer coin's", laps[coin].1 / outer_m).of(NAMES[coin]);
+    found.extend((0..OUTER).map(over_outer));
     found
 }
 

@@ -110,10 +110,8 @@ pub fn measure(rock: &Rock, _: Progress<'_>) -> Result<ExperimentResult, LabErro
     let figures = figures.chain(table_figures(&wave, "")).chain(fate_figures(rock, &motion)).collect();
     let lifts = [("on its orbit", &orbit), ("let go here", &motion)].into_iter();
     let lifts = lifts.filter(|(_, motion)| motion.end == End::Lifts).map(|(which, motion)| {
-        format!(
-            "{which}: after {:.3} s the table would have to pull at the block: the model ends there",
-            motion.end_s()
-        )
+        let end_s = motion.end_s();
+        format!("{which}: after {end_s:.3} s the table would have to pull at the block: the model ends there")
     });
     let charts = vec![track_chart("rock-tilt", &[("let go here", &motion)], Some(rock.peak_rad))];
     Ok(ExperimentResult { figures, notes: lifts.collect(), charts, ..ExperimentResult::default() })

@@ -59,7 +59,8 @@ impl Sweep {
         let Some(first) = found.iter().flatten().next() else {
             return Err(found.into_iter().find_map(Result::err).unwrap_or(LabError::Setting("no points".into())));
         };
-        let mut sheet = DataSheet::new([self.key.as_str()], values.iter().map(|&value| vec![value]).collect());
+        let rows = values.iter().map(|&value| vec![value]).collect();
+        let mut sheet = DataSheet { columns: vec![self.key.clone()], rows };
         let mut charts = Vec::new();
         for (i, figure) in first.figures.iter().enumerate() {
             let column: Vec<Option<&Figure>> = found.iter().map(|found| found.as_ref().ok()?.figures.get(i)).collect();

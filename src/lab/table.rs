@@ -1,6 +1,7 @@
 //! Tables of figures and of numbers as lines of aligned columns.
 
 use super::{DataSheet, Figure};
+use upm_chart::text_table;
 
 /// Headings of the table of figures.
 const HEADS: [&str; 6] = ["figure", "measured", "reference", "unit", "error %", "source"];
@@ -19,25 +20,14 @@ const COUNTED: f64 = 1e6;
 /// The figures as lines under a header.
 pub(super) fn table(figures: &[Figure]) -> Vec<String> {
     let head = HEADS.map(str::to_owned).to_vec();
-    aligned(std::iter::once(head).chain(figures.iter().map(cells)).collect(), |column| NUMBERS[column])
+    let rows: Vec<Vec<String>> = std::iter::once(head).chain(figures.iter().map(cells)).collect();
+    text_table(&rows, |column| NUMBERS[column])
 }
 
 /// The numbers of a sheet as lines under a header.
 pub(super) fn columns(sheet: &DataSheet) -> Vec<String> {
     let rows = sheet.rows.iter().map(|row| row.iter().map(|&value| number(value)).collect());
-    aligned(std::iter::once(sheet.columns.clone()).chain(rows).collect(), |_| true)
-}
-
-fn aligned(rows: Vec<Vec<String>>, is_number: impl Fn(usize) -> bool) -> Vec<String> {
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..rows.first().map_or(0, Vec::len)).map(width).collect();
-    let cell = |(column, cell): (usize, &String)| {
-        let width = widths[column];
-        if is_number(column) { format!("{cell:>width$}") } else { format!("{cell:width$}") }
-    };
-    let line =
-        |row: &Vec<String>| row.iter().enumerate().map(cell).collect::<Vec<_>>().join("  ").trim_end().to_owned();
-    rows.iter().map(line).collect()
+    text_table(&std::iter::once(sheet.columns.clone()).chain(rows).collect::<Vec<_>>(), |_| true)
 }
 
 /// The figure's row in a table.

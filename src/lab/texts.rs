@@ -1,17 +1,24 @@
-//! Texts of figures and charts, from the tables below `assets/lab`: units, the papers' values, sources, titles.
+//! Texts of figures, charts and sheets, from the tables below `assets/lab`: units, the papers' values, sources, titles.
 
-use super::Figure;
+use super::{DataSheet, Figure};
 use upm_chart::{Axis, Chart};
 
 /// Figures: name, unit, reference, least and largest value that counts as reproduced, source.
 const FIGURES: &str = include_str!("../../assets/lab/figures.tsv");
 /// Charts: name, title, labels of the axes, and which of these are logarithmic.
 const CHARTS: &str = include_str!("../../assets/lab/charts.tsv");
+/// Sheets: name and headings of the columns, with units.
+const SHEETS: &str = include_str!("../../assets/lab/sheets.tsv");
 
 /// Cells of the row of `table` that begins with `name`.
-fn row<const N: usize>(table: &'static str, name: &str) -> [&'static str; N] {
+fn cells(table: &'static str, name: &str) -> impl Iterator<Item = &'static str> {
     let mut rows = table.lines().map(|line| line.split('\t'));
-    let mut cells = rows.find(|cells| cells.clone().next() == Some(name)).into_iter().flatten();
+    rows.find(|cells| cells.clone().next() == Some(name)).into_iter().flatten()
+}
+
+/// The same, `N` of them.
+fn row<const N: usize>(table: &'static str, name: &str) -> [&'static str; N] {
+    let mut cells = cells(table, name);
     std::array::from_fn(|_| cells.next().unwrap_or_default())
 }
 
@@ -33,6 +40,11 @@ pub(super) fn chart(name: &str) -> Chart {
     let [_, title, x, y, logarithmic] = row(CHARTS, name);
     let axis = |which: char, label| if logarithmic.contains(which) { Axis::log(label) } else { Axis::new(label) };
     Chart::over(name, title, [axis('x', x), axis('y', y)])
+}
+
+/// The sheet called `name` in the table, with these rows.
+pub(super) fn sheet(name: &str, rows: Vec<Vec<f64>>) -> DataSheet {
+    DataSheet { columns: cells(SHEETS, name).skip(1).map(str::to_owned).collect(), rows }
 }
 
 #[cfg(test)]

@@ -68,11 +68,8 @@ impl Topple {
 pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, LabError> {
     let peg = topple.peg();
     let too_high = || {
-        LabError::Setting(format!(
-            "ledge_mm: expected less than {} (half of the part's height), found {}",
-            mm_from_m(0.5 * peg.height_m),
-            mm_from_m(topple.ledge_m)
-        ))
+        let [most, found] = [0.5 * peg.height_m, topple.ledge_m].map(mm_from_m);
+        LabError::Setting(format!("ledge_mm: expected less than {most} (half of the part's height), found {found}"))
     };
     let pivot = peg.pivot(topple.ledge_m).ok_or_else(too_high)?;
     let (exact_mps, simulated_mps) = (pivot.critical_mps(), pivot.simulated_critical_mps());
@@ -100,11 +97,10 @@ pub fn measure(topple: &Topple, _: Progress<'_>) -> Result<ExperimentResult, Lab
         ]));
     }
     let note = |(name, pivot, _): &(&str, Pivot, Band)| {
+        let [sine, least] = pivot.rise();
         format!(
             "{name}: Eq. 2.3 does not hold, the ledge would have to hold the part down: its centre is too low for its length, \
-             the angle's sine {:.3} of at least {:.3}",
-            pivot.rise()[0],
-            pivot.rise()[1]
+             the angle's sine {sine:.3} of at least {least:.3}"
         )
     };
     let notes = bands.iter().filter(|(_, pivot, _)| !holds(pivot)).map(note).collect();

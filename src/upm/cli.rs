@@ -38,7 +38,6 @@ mod replay;
 mod run;
 mod run_args;
 mod run_folder;
-mod schema;
 mod shipped;
 mod signals;
 mod simulate;
@@ -56,7 +55,7 @@ use std::sync::atomic::AtomicBool;
 use clap::{CommandFactory, FromArgMatches};
 
 use args::{Cli, Command};
-use output::Failure;
+use output::{Failure, print_json};
 
 /// Runs the process's command line. Returns its exit status: 0 done, 1 task not completed, 2 bad usage or a bad file,
 /// 130 ended by Ctrl-C.
@@ -118,7 +117,7 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         Command::Calibrate(args) => calibrate::calibrate(&args, common),
         Command::Render(args) => render::render(&args, common),
         Command::Locate(args) => locate::locate(&args, common),
-        Command::Simulate(args) => simulate::simulate(&args, common),
+        Command::Simulate { experiment } => simulate::simulate(&experiment, common),
         Command::Replay(args) => replay::replay(&args),
         Command::Benchmark(args) => benchmark::benchmark(&args, common),
         Command::Verify(args) => verify::verify(&args, common),
@@ -128,12 +127,22 @@ fn dispatch(cli: Cli) -> Result<u8, Failure> {
         #[cfg(feature = "daemon")]
         Command::Client(command) => daemon::client_command(&command, common),
         Command::Check(args) => check::check(&args, common),
-        Command::Schema(args) => schema::schema(&args),
-        Command::Completions(args) => {
+        Command::Schema { name } => schema(&name),
+        Command::Completions { shell } => {
             let mut script = Vec::new();
-            clap_complete::generate(args.shell, &mut Cli::command(), "upm", &mut script);
+            clap_complete::generate(shell, &mut Cli::command(), "upm", &mut script);
             outln!("{}", String::from_utf8_lossy(&script).trim_end())?;
             Ok(0)
         }
     }
+}
+
+/// Prints the JSON Schema of a file.
+fn schema(name: &str) -> Result<u8, Failure> {
+    print_json(&match name {
+        "journal" => Some(upm_recording::journal_schema()),
+        "report" => Some(upm_recording::report_schema()),
+        name => upm_runner::config::schema(name),
+    })?;
+    Ok(0)
 }

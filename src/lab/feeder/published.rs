@@ -10,8 +10,8 @@ use crate::coulomb_pump;
 use crate::numerics::line_through;
 use crate::pumped::{PUMP, PumpedLine};
 use crate::sweep::Progress;
-use crate::texts::{chart, figure};
-use crate::{DataSheet, ExperimentResult, Figure, LabError, LabRig};
+use crate::texts::{chart, figure, sheet};
+use crate::{ExperimentResult, Figure, LabError, LabRig};
 use upm_chart::Color;
 use upm_core::background::on_all_cores;
 use upm_core::units::GRAVITY_MPS2;
@@ -137,8 +137,7 @@ fn drives(rig: &LabRig, outcome: &mut ExperimentResult) {
     rows.push(vec![f64::NAN, 0.75 * amplitude_mps / CM, line.stroke_m() / CM, rate_mps / CM]);
     let rate = figure("rate of the two harmonics cos wt - ½ cos 2wt", rate_mps / CM);
     outcome.figures.push(rate.of(&format!("{:.2}", 0.5 * amplitude_mps / CM)));
-    let names = ["duty (none: two harmonics)", "largest forward speed (cm/s)", "stroke (cm)", "feed rate (cm/s)"];
-    outcome.sheet = Some(DataSheet::new(names, rows));
+    outcome.sheet = Some(sheet("feeder", rows));
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use super::measures::{Cluster, Energies, median};
 use super::run::Setup;
 use super::{DYN_N, JAM_S, belt, gap_chart, spectrum_chart, sweeps, track_chart};
 use crate::sweep::Progress;
-use crate::texts::{figure, figures};
+use crate::texts::{figure, figures, sheet};
 use crate::{DataSheet, ExperimentResult, Figure, LabError, LabRig};
 use upm_chart::{Chart, Color};
 use upm_core::random::Streams;
@@ -169,14 +169,6 @@ fn bouncing(summaries: &[Summary], how: &str) -> [Figure; 5] {
 
 /// Energies per degree of freedom, compared with Table I.
 fn energies(summaries: &[Summary]) -> DataSheet {
-    let columns = [
-        "energy (1e-5 dyn cm): 1-3 Lin X Y Z, 4-6 Ang X Y Z, 7 Pot Z, 8 drift along X",
-        "here, mean",
-        "here, sd",
-        "paper, mean",
-        "paper, sd",
-        "reproduced within a factor of 3: 1, else 0",
-    ];
     let scaled = |of: &dyn Fn(&Summary) -> f64| mean(summaries, of) / TABLE_J;
     let row = |(i, &[paper, paper_sd]): (usize, &[f64; 2])| {
         let (mean, sd) = (scaled(&|of| of.energies.each[i].mean), scaled(&|of| of.energies.each[i].sd));
@@ -185,7 +177,7 @@ fn energies(summaries: &[Summary]) -> DataSheet {
     };
     let mut rows: Vec<Vec<f64>> = TABLE.iter().enumerate().map(row).collect();
     rows.push(vec![8.0, scaled(&|of| of.energies.drift_j), f64::NAN, f64::NAN, f64::NAN, f64::NAN]);
-    DataSheet::new(columns, rows)
+    sheet("mchip", rows)
 }
 
 /// Other models and devices, for comparison.

@@ -6,8 +6,8 @@ use super::motion::{End, Release};
 use super::selection::{on_drive, raise};
 use super::{Rock, table_figures, track_chart};
 use crate::sweep::Progress;
-use crate::texts::figures;
-use crate::{DataSheet, ExperimentResult, LabError, LabRig};
+use crate::texts::{figures, sheet};
+use crate::{ExperimentResult, LabError, LabRig};
 use upm_chart::Color;
 use upm_core::units::mm_from_m;
 
@@ -80,8 +80,7 @@ fn ramped_wave(outcome: &mut ExperimentResult) -> Result<(), LabError> {
         let ramp = if i % 2 == 0 { 0.0 } else { 10.0 };
         vec![mm_from_m(rock.block.length_m), rock.from, rock.to, ramp, release.multiplier(&wave), low, high]
     });
-    let columns = ["length (mm)", "from", "to", "ramp (% of period)", "growth", "lowest kept", "highest kept"];
-    outcome.sheet = Some(DataSheet::new(columns, rows.collect()));
+    outcome.sheet = Some(sheet("rock", rows.collect()));
     Ok(())
 }
 

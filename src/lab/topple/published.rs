@@ -7,8 +7,8 @@ use super::trials::band;
 use super::{Topple, measure, ratio_of_orientations};
 use crate::numerics::bisect;
 use crate::sweep::Progress;
-use crate::texts::{chart, figure, figures};
-use crate::{DataSheet, ExperimentResult, Figure, LabError, LabRig};
+use crate::texts::{chart, figure, figures, sheet};
+use crate::{ExperimentResult, Figure, LabError, LabRig};
 use upm_chart::Color;
 use upm_core::background::on_all_cores;
 use upm_core::random::Streams;
@@ -43,18 +43,8 @@ pub fn reproduce(rig: &LabRig, progress: Progress<'_>) -> Result<ExperimentResul
         let sizes = [mm_from_m(peg.length_m), mm_from_m(peg.height_m)];
         sizes.into_iter().chain(speeds).chain([error, 100.0 * band.width()]).collect::<Vec<f64>>()
     });
-    let columns = [
-        "diameter (mm)",
-        "height (mm)",
-        "Eq. 2.3 (mm/s)",
-        "none fall (mm/s)",
-        "all fall (mm/s)",
-        "middle (mm/s)",
-        "error %",
-        "band %",
-    ];
     let same = (rows[1][2] / rows[0][2] - 1.0).abs();
-    outcome.sheet = Some(DataSheet::new(columns, rows));
+    outcome.sheet = Some(sheet("topple", rows));
     outcome.figures.push(figure("critical speeds of two pegs, one twice as thick, apart by", same));
     let trials = measure(&peg, &|_| ())?;
     outcome.figures.extend(trials.figures);
@@ -71,11 +61,8 @@ fn orientations() -> ExperimentResult {
     let [first, second] = COEFFICIENTS;
     let curve: Vec<[f64; 2]> = (0..=100).map(|i| 0.005 * f64::from(i)).map(|d| [d, ratio_of_orientations(d)]).collect();
     let power = curve.iter().map(|&[d, _]| [d, 1.0 + first * d + second * d * d]);
-    let chart = chart("topple-ratio").dashes("1 + 2.207 δ + 1.332 δ²", Color::Gray, power).line(
-        "closed form (Eq. 2.3)",
-        Color::Blue,
-        curve.iter().copied(),
-    );
+    let chart = chart("topple-ratio").dashes("1 + 2.207 δ + 1.332 δ²", Color::Gray, power);
+    let chart = chart.line("closed form (Eq. 2.3)", Color::Blue, curve.iter().copied());
     let found = figures([
         ("ratio of the speeds of b x b(1 + δ): coefficient of δ", found[0]),
         ("the same: coefficient of δ²", found[1]),

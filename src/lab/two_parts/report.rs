@@ -81,16 +81,9 @@ fn map(name: &str, task: &TwoPartProblem, run: &StepSeries) -> Option<Chart> {
             Layer::new("", Mark::Labels { texts: vec![format!("F{part}")] }, color, [goal]),
         ]);
     }
-    Some(Chart::plate_map(
-        name,
-        format!(
-            "{}: two parts, four centres of rotation, a large step in {}",
-            run.name,
-            counted(*observations, "observation")
-        ),
-        None,
-        layers,
-    ))
+    let (how, observations) = ("two parts, four centres of rotation", counted(*observations, "observation"));
+    let title = format!("{}: {how}, a large step in {observations}", run.name);
+    Some(Chart::plate_map(name, title, None, layers))
 }
 
 fn misses(runs: [&StepSeries; 3]) -> Chart {

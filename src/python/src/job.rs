@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 
-use super::refusal::refusal;
-use upm::config::{Diagnostic, JobSpec, Origin};
+use super::refusal::said;
+use upm::config::{JobSpec, Origin};
 use upm::job::CameraMode;
 use upm::run::job_library;
 
@@ -13,17 +13,13 @@ use upm::run::job_library;
 #[pyclass(frozen, module = "upm._upm")]
 pub struct Job(pub JobSpec);
 
-fn said(faults: Vec<Diagnostic>) -> PyErr {
-    refusal(faults.iter().map(ToString::to_string).collect())
-}
-
 #[pymethods]
 impl Job {
     /// The job in `text`, JSON; files that it names are looked for in `folder`. `name` stands in refusals.
     #[new]
     fn new(py: Python<'_>, text: &str, folder: PathBuf, name: String) -> PyResult<Self> {
         let origin = Origin { file: name, folder: Some(folder) };
-        py.detach(|| JobSpec::from_json(text, &origin, None)).map(Self).map_err(said)
+        py.detach(|| JobSpec::from_json(text, &origin, None)).map(Self).map_err(|faults| said(faults.into()))
     }
 
     /// The same job with another seed.
@@ -38,7 +34,7 @@ impl Job {
 
     /// The same job with faults of the rig, as the command line takes them.
     fn with_faults(&self, faults: Vec<String>) -> PyResult<Self> {
-        self.0.clone().with_faults(&faults).map(Self).map_err(said)
+        self.0.clone().with_faults(&faults).map(Self).map_err(|faults| said(faults.into()))
     }
 
     /// The job with all defaults written out, JSON.
@@ -48,7 +44,7 @@ impl Job {
 
     /// Its COR library, JSON.
     fn library(&self) -> PyResult<String> {
-        job_library(&self.0).map(|library| library.to_json()).map_err(said)
+        job_library(&self.0).map(|library| library.to_json()).map_err(|faults| said(faults.into()))
     }
 
     #[getter]

@@ -6,11 +6,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
-use super::refusal::refusal;
+use super::refusal::said;
 use upm::config::Origin;
 use upm::episode::{Episode, EpisodeParams, Episodes, StepOutcome};
-use upm::run::RunError;
 use upm::signal::Frame;
 use upm::units::mm_from_m;
 
@@ -23,10 +23,6 @@ pub struct Plates {
 }
 
 type Matrix<'py, T> = Bound<'py, PyArray2<T>>;
-
-fn said(error: RunError) -> PyErr {
-    refusal(error.lines())
-}
 
 impl Plates {
     fn episodes(&mut self) -> &mut Episodes {
@@ -59,26 +55,19 @@ impl Plates {
     }
 
     /// Steps every plate by its part of `actions`: what became of each, by name.
-    fn step<'py>(&mut self, py: Python<'py>, actions: PyReadonlyArray1<'py, f64>) -> PyResult<Outcomes<'py>> {
+    fn step<'py>(&mut self, py: Python<'py>, actions: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyDict>> {
         let actions = actions.as_slice().map_err(|error| PyValueError::new_err(error.to_string()))?;
         let all = py.detach(|| self.episodes().step(actions)).map_err(said)?;
-        fn each<'py, T: numpy::Element>(
-            py: Python<'py>,
-            all: &[StepOutcome],
-            of: fn(&StepOutcome) -> T,
-        ) -> Bound<'py, PyArray1<T>> {
-            PyArray1::from_iter(py, all.iter().map(of))
-        }
-        Ok(Outcomes {
-            reward: each(py, &all, |one| one.reward),
-            terminated: each(py, &all, |one| one.terminated),
-            truncated: each(py, &all, |one| one.truncated),
-            is_success: each(py, &all, |one| one.is_success),
-            collisions: each(py, &all, |one| one.collisions),
-            arrived: each(py, &all, |one| one.arrived as u64),
-            mean_distance_mm: each(py, &all, |one| mm_from_m(one.mean_distance_m)),
-            plate_time_s: each(py, &all, |one| one.plate_time_s),
-        })
+        let outcomes = PyDict::new(py);
+        put(&outcomes, &all, "reward", |one| one.reward)?;
+        put(&outcomes, &all, "terminated", |one| one.terminated)?;
+        put(&outcomes, &all, "truncated", |one| one.truncated)?;
+        put(&outcomes, &all, "is_success", |one| one.is_success)?;
+        put(&outcomes, &all, "collisions", |one| one.collisions)?;
+        put(&outcomes, &all, "arrived", |one| one.arrived as u64)?;
+        put(&outcomes, &all, "mean_distance_mm", |one| mm_from_m(one.mean_distance_m))?;
+        put(&outcomes, &all, "plate_time_s", |one| one.plate_time_s)?;
+        Ok(outcomes)
     }
 
     /// Observations, a row for each plate.
@@ -127,15 +116,12 @@ impl Plates {
     }
 }
 
-/// Outcomes of one step, an array of each for all plates.
-#[derive(IntoPyObject)]
-pub struct Outcomes<'py> {
-    reward: Bound<'py, PyArray1<f64>>,
-    terminated: Bound<'py, PyArray1<bool>>,
-    truncated: Bound<'py, PyArray1<bool>>,
-    is_success: Bound<'py, PyArray1<bool>>,
-    collisions: Bound<'py, PyArray1<u64>>,
-    arrived: Bound<'py, PyArray1<u64>>,
-    mean_distance_mm: Bound<'py, PyArray1<f64>>,
-    plate_time_s: Bound<'py, PyArray1<f64>>,
+/// Puts a figure of each of `all` plates into `outcomes`, an array called `name`.
+fn put<T: numpy::Element>(
+    outcomes: &Bound<'_, PyDict>,
+    all: &[StepOutcome],
+    name: &str,
+    of: fn(&StepOutcome) -> T,
+) -> PyResult<()> {
+    outcomes.set_item(name, PyArray1::from_iter(outcomes.py(), all.iter().map(of)))
 }

@@ -6,10 +6,10 @@ use pyo3::prelude::*;
 
 use super::job::Job;
 use super::own::{Own, Raised};
-use super::refusal::refusal;
+use super::refusal::{refusal, said};
 use super::waiting;
 use upm::recording::{Fanout, RecordingOptions, RerunMode};
-use upm::run::{self as runs, PacingStats, RunError, RunOptions, RunResult, library_and_places};
+use upm::run::{self as runs, PacingStats, RunOptions, RunResult, library_and_places};
 use upm::time::MonotonicClock;
 
 /// Runs `job` into a new folder of `out`, named after `started_utc`, with what the caller brings; returns that folder
@@ -29,7 +29,7 @@ pub fn run(py: Python<'_>, job: &Job, out: PathBuf, started_utc: String, own: Ow
     if let Some(error) = raised.lock().ok().and_then(|mut raised| raised.take()) {
         return Err(error);
     }
-    let RunResult { folder, report } = result.map_err(|error: RunError| refusal(error.lines()))?;
+    let RunResult { folder, report } = result.map_err(said)?;
     let report = serde_json::to_string(&report).map_err(|error| refusal(vec![error.to_string()]))?;
     Ok((folder, report))
 }

@@ -59,7 +59,11 @@ pub enum Command {
     /// Find table and parts in a picture
     Locate(LocateArgs),
     /// Open loop: given pulses on given parts, true trajectories out
-    Simulate(SimulateArgs),
+    Simulate {
+        /// Experiment file
+        #[arg(value_name = "EXPERIMENT.json")]
+        experiment: PathBuf,
+    },
     /// Open a run in the Rerun viewer
     Replay(RunFolderArgs),
     /// Run a job again from its run folder alone, or those of a data set, and compare the journals byte for byte
@@ -74,13 +78,21 @@ pub enum Command {
     /// Validate job, rig, daemon, experiment, library, trace and coins files
     Check(CheckArgs),
     /// Print the JSON Schema of a file
-    Schema(SchemaArgs),
+    Schema {
+        /// job, rig, simulate, library, trace, daemon or coins; of a run folder journal (a line of it) or report
+        #[arg(value_name = "NAME", value_parser = schemas(), hide_possible_values = true)]
+        name: String,
+    },
     /// Commands sent to a daemon.
     #[cfg(feature = "daemon")]
     #[command(flatten)]
     Client(ClientCommand),
     /// Print completions for a shell
-    Completions(CompletionsArgs),
+    Completions {
+        /// Shell that is to load the completions
+        #[arg(value_enum)]
+        shell: clap_complete::Shell,
+    },
 }
 
 impl Command {
@@ -284,14 +296,6 @@ fn rerun_mode(text: &str) -> Result<RerunMode, String> {
     Ok(mode)
 }
 
-/// `upm simulate`.
-#[derive(Args, Debug)]
-pub struct SimulateArgs {
-    /// Experiment file
-    #[arg(value_name = "EXPERIMENT.json")]
-    pub experiment: PathBuf,
-}
-
 /// `upm check`.
 #[derive(Args, Debug)]
 #[command(
@@ -324,22 +328,6 @@ pub struct CheckArgs {
 /// The names of schemas: those of files, and of the files of a run folder.
 fn schemas() -> PossibleValuesParser {
     PossibleValuesParser::new(schema_names().iter().copied().chain(["journal", "report"]))
-}
-
-/// `upm schema`.
-#[derive(Args, Debug)]
-pub struct SchemaArgs {
-    /// job, rig, simulate, library, trace, daemon or coins; of a run folder journal (a line of it) or report
-    #[arg(value_name = "NAME", value_parser = schemas(), hide_possible_values = true)]
-    pub name: String,
-}
-
-/// `upm completions`.
-#[derive(Args, Debug)]
-pub struct CompletionsArgs {
-    /// Shell that is to load the completions
-    #[arg(value_enum)]
-    pub shell: clap_complete::Shell,
 }
 
 #[cfg(all(test, feature = "daemon"))]

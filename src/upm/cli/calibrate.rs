@@ -46,10 +46,6 @@ fn print_summary(library: &Library) -> Result<(), Failure> {
     let range = [model.min_distance(*fast), model.max_distance(*fast)].map(mm_from_m);
     outln!("  {:18} {:.2} to {:.1} mm at the fastest", "steps", range[0], range[1])?;
     let Some(noise) = &library.camera_noise else { return Ok(()) };
-    let place_mm = mm_from_m(noise.place_m);
-    outln!(
-        "  {:18} {:.3} px at the plate's corners, {place_mm:.4} mm in a coin's place",
-        "camera noise",
-        noise.corner_px
-    )
+    let (px, mm) = (noise.corner_px, mm_from_m(noise.place_m));
+    outln!("  {:18} {px:.3} px at the plate's corners, {mm:.4} mm in a coin's place", "camera noise")
 }

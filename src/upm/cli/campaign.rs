@@ -30,8 +30,8 @@ const USUAL_CAMPAIGNS: &str = "campaigns";
 
 /// Runs a campaign, or one of its shards, or sums up folders of one.
 pub(super) fn campaign(args: &CampaignArgs, common: Common) -> Result<u8, Failure> {
-    if let Some(CampaignCommand::Merge(args)) = &args.command {
-        return merge::merge(args, common);
+    if let Some(CampaignCommand::Merge { folders, expect }) = &args.command {
+        return merge::merge(folders, *expect, common);
     }
     let file = args.file.as_deref().unwrap_or(Path::new("-"));
     read_dash([file])?;

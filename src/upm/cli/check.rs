@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::args::{CheckArgs, Common};
 use super::job_changes::read_dash;
-use super::output::{BAD_INPUT, Failure, NOT_REACHED, print_json};
+use super::output::{BAD_INPUT, Failure, NOT_REACHED, check_ending, print_json};
 use super::progress::LateProgress;
 use plan::PlanReport;
 use upm_chart::Chart;
@@ -23,6 +23,9 @@ use upm_viewer::RerunSink;
 
 /// Largest number of dry runs of a job, which run at the same time.
 const MOST_DRY_RUNS: usize = 32;
+
+/// Beginning of a refusal of `--picture`.
+const PICTURE: &str = "--picture: expected one library or, with --plan, one job";
 
 /// Contents of a valid file.
 pub(super) struct ValidFile {
@@ -56,14 +59,15 @@ struct FileReport {
 pub(super) type CheckResult = Result<ValidFile, Vec<String>>;
 
 pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
-    if let Some(path) = &args.picture {
-        check_picture_name(path, args.files.len())?;
+    let refusal = |line: String| Err(Failure::bad_input(line));
+    let files = args.files.len();
+    if args.picture.is_some() && files != 1 {
+        return refusal(format!("{PICTURE}, found {files} files to check"));
     }
-    if let Some(seeds) = args.seeds.as_ref().map(|seeds| seeds.as_slice().len()).filter(|&seeds| seeds > MOST_DRY_RUNS)
-    {
-        return Err(Failure::bad_input(format!(
-            "--seeds: expected up to {MOST_DRY_RUNS} (with --plan), found {seeds}"
-        )));
+    args.picture.iter().try_for_each(|path| check_ending("--picture", path, &["svg"]))?;
+    let seeds = args.seeds.as_ref().map_or(0, |seeds| seeds.as_slice().len());
+    if seeds > MOST_DRY_RUNS {
+        return refusal(format!("--seeds: expected up to {MOST_DRY_RUNS} (with --plan), found {seeds}"));
     }
     read_dash(args.files.iter().map(PathBuf::as_path))?;
     let rig = args.rig.as_deref().map(RigSpec::load).transpose().map_err(Failure::of_files)?;
@@ -73,11 +77,11 @@ pub(super) fn check(args: &CheckArgs, common: Common) -> Result<u8, Failure> {
         let Ok(ValidFile { says, report, .. }) = result else { continue };
         let file = file.display();
         if args.plan && report.as_ref().is_none_or(|report| report.key != "plan") {
-            return Err(Failure::bad_input(format!("--plan: expected jobs alone, found {file}, a {says}")));
+            return refusal(format!("--plan: expected jobs alone, found {file}, a {says}"));
         }
         if let Some(picture) = &args.picture {
-            let line = format!("--picture: expected one library or, with --plan, one job, found {file}, a {says}");
-            let chart = &report.as_ref().ok_or_else(|| Failure::bad_input(line))?.chart;
+            let other = || Failure::bad_input(format!("{PICTURE}, found {file}, a {says}"));
+            let chart = &report.as_ref().ok_or_else(other)?.chart;
             std::fs::write(picture, upm_chart::svg(chart)).map_err(|error| Failure::write(picture, error))?;
         }
     }
@@ -101,18 +105,6 @@ fn status(result: &CheckResult) -> u8 {
         Ok(ValidFile { report: Some(report), .. }) if report.is_failure => NOT_REACHED,
         Ok(_) => 0,
     }
-}
-
-fn check_picture_name(path: &Path, files: usize) -> Result<(), Failure> {
-    if files != 1 {
-        return Err(Failure::bad_input(format!(
-            "--picture: expected one library or, with --plan, one job, found {files} files to check"
-        )));
-    }
-    if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("svg")) {
-        return Err(Failure::bad_input(format!("--picture: expected a name ending in svg, found {}", path.display())));
-    }
-    Ok(())
 }
 
 fn row(path: &Path, result: &CheckResult) -> Value {
@@ -164,12 +156,8 @@ fn check_file(path: &Path, rig: Option<&RigSpec>, args: &CheckArgs, common: Comm
         Some(Document::Rig) => check_rig(path)?,
         Some(Document::Campaign) => {
             let campaign = Campaign::load(path).map_err(lines)?;
-            format!(
-                "campaign {}, {} in {}",
-                campaign.name,
-                counted(campaign.runs(), "run"),
-                counted(campaign.cells(), "cell")
-            )
+            let (runs, cells) = (counted(campaign.runs(), "run"), counted(campaign.cells(), "cell"));
+            format!("campaign {}, {runs} in {cells}", campaign.name)
         }
         Some(Document::Coins) => format!("coins, {} kinds", config::load_coins(path).map_err(lines)?.len()),
         Some(Document::Job) | None => return check_job(path, rig, args, common),
@@ -203,11 +191,8 @@ fn check_rig(path: &Path) -> Result<String, Vec<String>> {
 }
 
 fn check_job(path: &Path, rig: Option<&RigSpec>, args: &CheckArgs, common: Common) -> CheckResult {
-    let job = match rig {
-        Some(rig) => JobSpec::load_on(path, rig),
-        None => JobSpec::load(path),
-    };
-    let mut job = job.map_err(lines)?;
+    let loaded = rig.map_or_else(|| JobSpec::load(path), |rig| JobSpec::load_on(path, rig));
+    let mut job = loaded.map_err(lines)?;
     let seeds = args.seeds.as_ref().map(Seeds::as_slice).unwrap_or_default();
     if let Some(&seed) = args.seed.as_ref().or(seeds.first()) {
         job = job.with_seed(seed);

@@ -23,7 +23,7 @@ pub enum ClientCommand {
     /// Daemon: take a job out of the queue, or stop it
     Cancel(JobArgs),
     /// Daemon: all plates as they are
-    Plates(PlatesArgs),
+    Plates(DaemonArgs),
     /// Daemon: emergency stop, held until a reset; without a name all plates
     Estop(EstopArgs),
     /// Daemon: end an emergency stop; the plate stays paused
@@ -93,13 +93,6 @@ pub struct JobArgs {
     /// while they are unique. Or the job's name, for the newest of that name, or last, for the last that was submitted
     #[arg(value_name = "ID")]
     pub id: String,
-    #[command(flatten)]
-    pub daemon: DaemonArgs,
-}
-
-/// `upm plates`.
-#[derive(Args, Debug)]
-pub struct PlatesArgs {
     #[command(flatten)]
     pub daemon: DaemonArgs,
 }

@@ -6,18 +6,16 @@ use std::sync::LazyLock;
 const FEATURES: [(&str, bool); 2] = [("rerun", upm_viewer::BUILT_IN), ("daemon", cfg!(feature = "daemon"))];
 
 /// Version, with the features that this build lacks.
-pub(super) static VERSION: LazyLock<String> = LazyLock::new(|| match missing() {
-    missing if missing.is_empty() => env!("CARGO_PKG_VERSION").to_owned(),
-    missing => format!("{} (built without {missing})", env!("CARGO_PKG_VERSION")),
-});
+pub(super) static VERSION: LazyLock<String> =
+    LazyLock::new(|| env!("CARGO_PKG_VERSION").to_owned() + &lacking(|missing| format!(" (built without {missing})")));
 
 /// Last line of the help: the features that this build lacks; empty if it has all.
-pub(super) static HELP: LazyLock<String> = LazyLock::new(|| match missing() {
-    missing if missing.is_empty() => missing,
-    missing => format!("Built without {missing}. `cargo install --path .` builds everything."),
+pub(super) static HELP: LazyLock<String> = LazyLock::new(|| {
+    lacking(|missing| format!("Built without {missing}. `cargo install --path .` builds everything."))
 });
 
-fn missing() -> String {
-    let missing = FEATURES.iter().filter(|(_, built)| !built).map(|(name, _)| *name);
-    missing.collect::<Vec<_>>().join(", ")
+/// The text about the features that this build lacks; empty if it has all.
+fn lacking(text: impl Fn(String) -> String) -> String {
+    let missing: Vec<&str> = FEATURES.iter().filter(|(_, built)| !built).map(|(name, _)| *name).collect();
+    if missing.is_empty() { String::new() } else { text(missing.join(", ")) }
 }

@@ -4,10 +4,10 @@ use std::{env, io};
 
 use tracing::Subscriber;
 use tracing::level_filters::LevelFilter;
+use tracing_subscriber::Layer;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::fmt::MakeWriter;
 use tracing_subscriber::layer::SubscriberExt;
-use tracing_subscriber::{Layer, Registry};
 
 use super::args::{Common, LogFormat};
 use super::timeline::Timeline;
@@ -22,11 +22,7 @@ const FLUSH_TIMEOUT: Duration = Duration::from_secs(1);
 /// Starts the log on stderr. `daemon` is the format of a daemon's log, which has times and one level more than those of
 /// other commands, since these run while a person watches. The log of a daemon never waits for its reader; dropping the
 /// returned value at the end of the process flushes its queue. Spans go to `timeline`.
-pub(super) fn start(
-    common: Common,
-    daemon: Option<LogFormat>,
-    timeline: Option<Timeline<Registry>>,
-) -> Option<FlushGuard> {
+pub(super) fn start(common: Common, daemon: Option<LogFormat>, timeline: Option<Timeline>) -> Option<FlushGuard> {
     let level = level(common, daemon.is_some());
     let is_colored = io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|no| no.is_empty());
     let (subscriber, flush_guard) = match daemon {
@@ -106,7 +102,7 @@ fn subscriber(
     daemon: Option<LogFormat>,
     level: LevelFilter,
     is_colored: bool,
-    timeline: Option<Timeline<Registry>>,
+    timeline: Option<Timeline>,
     writer: impl for<'a> MakeWriter<'a> + Send + Sync + 'static,
 ) -> Box<dyn Subscriber + Send + Sync> {
     let log = tracing_subscriber::fmt::layer().with_writer(writer).with_ansi(is_colored);

@@ -81,7 +81,8 @@ pub(super) fn behind(behind_s: f64) -> String {
 
 /// Progress on stderr: a bar on a terminal, elsewhere lines for work that takes a while.
 pub(super) struct LateProgress {
-    bar: Option<ProgressBar>,
+    /// Hidden where there are lines or nothing.
+    bar: ProgressBar,
     /// Clock and earliest time of the next line; `None` without lines.
     lines: Option<(MonotonicClock, Duration)>,
 }
@@ -91,13 +92,13 @@ impl LateProgress {
     pub fn new(common: Common) -> Self {
         let is_terminal = std::io::stderr().is_terminal();
         let lines = (!common.quiet && !is_terminal).then(|| (MonotonicClock::new(), LATE));
-        Self { bar: (!common.quiet && is_terminal).then(bar), lines }
+        Self { bar: if !common.quiet && is_terminal { bar() } else { ProgressBar::hidden() }, lines }
     }
 
     pub fn show(&mut self, done: f64, message: impl FnOnce() -> String) {
-        if let Some(bar) = &self.bar {
-            bar.set_position((done * FULL as f64) as u64);
-            bar.set_message(message());
+        if self.is_live() {
+            self.bar.set_position((done * FULL as f64) as u64);
+            self.bar.set_message(message());
         } else if let Some((clock, from)) = &mut self.lines
             && is_due(from, clock.elapsed())
         {
@@ -107,21 +108,16 @@ impl LateProgress {
 
     /// True on a terminal, where a message of several lines is shown in place.
     pub fn is_live(&self) -> bool {
-        self.bar.is_some()
+        !self.bar.is_hidden()
     }
 
     /// Calls `write` with the bar removed from stderr.
     pub fn suspend(&self, write: impl FnOnce()) {
-        match &self.bar {
-            Some(bar) => bar.suspend(write),
-            None => write(),
-        }
+        self.bar.suspend(write);
     }
 
     pub fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.bar.finish_and_clear();
     }
 }
 

@@ -18,22 +18,18 @@ pub(super) fn run_folder(args: &RunFolderArgs) -> Result<PathBuf, Failure> {
     }
     let mut runs = runs_in(out);
     let (shown_out, allowed) = (out.display(), "a run folder, a unique prefix of one's name, or last");
+    let wrong = |rest: String| Failure::bad_input(format!("RUN: expected {rest}"));
     if text == LAST {
         let newest = runs.into_iter().max_by(|a, b| (a.began_at, &a.name).cmp(&(b.began_at, &b.name)));
-        return newest.map(|run| run.path).ok_or_else(|| {
-            Failure::bad_input(format!("RUN: expected {allowed} (--out DIR), found no runs in {shown_out}"))
-        });
+        let none = || wrong(format!("{allowed} (--out DIR), found no runs in {shown_out}"));
+        return newest.map(|run| run.path).ok_or_else(none);
     }
     runs.sort_by(|a, b| a.name.cmp(&b.name));
     let name = |run: &OpenRun| run.name.clone();
     match only_one(&text, &runs, name, |name| name.starts_with(&*text), name) {
         Ok(Some(run)) => Ok(run.path.clone()),
-        Ok(None) => {
-            Err(Failure::bad_input(format!("RUN: expected {allowed} in {shown_out} (--out DIR), found {text:?}")))
-        }
-        Err(several) => {
-            Err(Failure::bad_input(format!("RUN: expected more of the name of one of {several}; found {text:?}")))
-        }
+        Ok(None) => Err(wrong(format!("{allowed} in {shown_out} (--out DIR), found {text:?}"))),
+        Err(several) => Err(wrong(format!("more of the name of one of {several}; found {text:?}"))),
     }
 }
 

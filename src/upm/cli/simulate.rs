@@ -1,15 +1,17 @@
+use std::path::Path;
+
 use serde_json::json;
 
-use super::args::{Common, SimulateArgs};
+use super::args::Common;
 use super::output::{Failure, print};
 use upm_core::units::mm_from_m;
 use upm_runner::config::SimulateSpec;
 use upm_runner::run::{OpenLoopTrajectories, simulate as simulate_open_loop};
 
-pub(super) fn simulate(args: &SimulateArgs, common: Common) -> Result<u8, Failure> {
-    let spec = SimulateSpec::load(&args.experiment).map_err(Failure::of_files)?;
-    let result = simulate_open_loop(&spec)
-        .map_err(|error| Failure::bad_input(format!("{}: {error}", args.experiment.display())))?;
+pub(super) fn simulate(experiment: &Path, common: Common) -> Result<u8, Failure> {
+    let spec = SimulateSpec::load(experiment).map_err(Failure::of_files)?;
+    let fault = |error| Failure::bad_input(format!("{}: {error}", experiment.display()));
+    let result = simulate_open_loop(&spec).map_err(fault)?;
     print(common.json, &as_json(&result), || print_table(&spec, &result))
 }
 

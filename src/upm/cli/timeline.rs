@@ -4,11 +4,10 @@ use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 
-use tracing::{Metadata, Subscriber};
+use tracing::Metadata;
 use tracing_chrome::{ChromeLayer, ChromeLayerBuilder, FlushGuard};
-use tracing_subscriber::Layer;
-use tracing_subscriber::filter::{FilterFn, filter_fn};
-use tracing_subscriber::registry::LookupSpan;
+use tracing_subscriber::filter::{FilterFn, Filtered, filter_fn};
+use tracing_subscriber::{Layer, Registry};
 
 use super::output::Failure;
 use super::signals;
@@ -17,13 +16,10 @@ use super::signals;
 const MOST_BYTES: usize = 64 << 20;
 
 /// Layer of a log that writes its spans to a timeline.
-pub(super) type Timeline<S> = tracing_subscriber::filter::Filtered<ChromeLayer<S>, FilterFn, S>;
+pub(super) type Timeline = Filtered<ChromeLayer<Registry>, FilterFn, Registry>;
 
 /// Starts the timeline in `file`. It is complete once the returned guard is dropped.
-pub(super) fn create<S>(file: &Path) -> Result<(Timeline<S>, FlushGuard), Failure>
-where
-    S: Subscriber + for<'a> LookupSpan<'a> + Send + Sync,
-{
+pub(super) fn create(file: &Path) -> Result<(Timeline, FlushGuard), Failure> {
     let out = File::create(file).map_err(|error| Failure::write(file, error))?;
     // the library's thread must not take the signals that end a run
     signals::ending().thread_block().ok();
@@ -32,10 +28,7 @@ where
     Ok(timeline)
 }
 
-fn written_to<S>(out: impl Write + Send + 'static) -> (Timeline<S>, FlushGuard)
-where
-    S: Subscriber + for<'a> LookupSpan<'a> + Send + Sync,
-{
+fn written_to(out: impl Write + Send + 'static) -> (Timeline, FlushGuard) {
     let (layer, guard) = ChromeLayerBuilder::new().writer(out).include_args(true).include_locations(false).build();
     let of_program: fn(&Metadata<'_>) -> bool = |span| span.is_span() && span.target().starts_with("upm");
     (layer.with_filter(filter_fn(of_program)), guard)

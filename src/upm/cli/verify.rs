@@ -72,9 +72,8 @@ fn print_verdict(run: &Path, verdict: &Verification) -> Result<(), Failure> {
             outln!("{run}: stopped from outside; equal byte for byte up to there, {lines} lines")
         }
         Verification::Equal { lines, extent: Extent::Killed } => {
-            outln!(
-                "{run}: no report, so it was killed or still runs; equal byte for byte as far as it goes, {lines} lines"
-            )
+            let how_far = format!("equal byte for byte as far as it goes, {lines} lines");
+            outln!("{run}: no report, so it was killed or still runs; {how_far}")
         }
         Verification::LineEnds => {
             outln!("{run}: journals are equal but for their line ends, which something changed to CR LF")

@@ -17,13 +17,9 @@ pub(super) struct LogView {
 
 impl LogView {
     pub(super) fn localised(&self, stream: &RunStream, table: &Table, found: usize, context: &RunContext) -> LogResult {
-        let text = format!(
-            "{} of {} parts and the table found, side {:.1} px, turned by {:.2}°",
-            found,
-            context.parts.len(),
-            table.side_px,
-            table.rotation_rad.to_degrees(),
-        );
+        let (parts, side_px, turned_deg) = (context.parts.len(), table.side_px, table.rotation_rad.to_degrees());
+        let table = format!("the table found, side {side_px:.1} px, turned by {turned_deg:.2}°");
+        let text = format!("{found} of {parts} parts and {table}");
         log_line(stream, TextLogLevel::INFO, text)
     }
 

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use super::caller::Caller;
 use crate::job::Job;
-use crate::refusal::refusal;
+use crate::refusal::{refusal, said};
 use upm::rig::{Rig, RigError};
 use upm::run::{RunSetup, library_and_places};
 use upm::signal::{AccelTrace, CHANNELS, Drive, Frame, MOTORS};
@@ -97,7 +97,7 @@ pub struct SimulatedPlate {
     frame: Frame,
 }
 
-fn said(error: &RigError) -> PyErr {
+fn rig_refusal(error: &RigError) -> PyErr {
     refusal(vec![error.to_string()])
 }
 
@@ -111,7 +111,7 @@ impl SimulatedPlate {
             let [width, height] = setup.model.frame_size_px;
             Ok(Self { rig: setup.rig, frame: Frame::new(width, height) })
         });
-        made.map_err(|error: upm::run::RunError| refusal(error.lines()))
+        made.map_err(said)
     }
 
     #[getter]
@@ -144,11 +144,11 @@ impl SimulatedPlate {
         }
         let samples = samples.as_array();
         let rows = samples.rows().into_iter().map(|row| std::array::from_fn(|motor| row[motor]));
-        self.rig.play_samples(rows.collect(), driven_s, rest_s).map_err(|error| said(&error))
+        self.rig.play_samples(rows.collect(), driven_s, rest_s).map_err(|error| rig_refusal(&error))
     }
 
     fn capture<'py>(&mut self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray2<u8>>, u64, f64)> {
-        py.detach(|| self.rig.capture(&mut self.frame)).map_err(|error| said(&error))?;
+        py.detach(|| self.rig.capture(&mut self.frame)).map_err(|error| rig_refusal(&error))?;
         let Frame { width, height, pixels, index, exposed_at, .. } = &self.frame;
         let image = numpy::PyArray1::from_slice(py, pixels).reshape([*height, *width])?;
         Ok((image, *index, exposed_at.secs()))

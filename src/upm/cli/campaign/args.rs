@@ -70,18 +70,14 @@ pub struct CampaignArgs {
 #[derive(Subcommand, Debug)]
 pub enum CampaignCommand {
     /// Sum up folders of a campaign: table, summary.json, runs.parquet and a plot of plate times in the first one
-    Merge(MergeArgs),
-}
-
-/// `upm campaign merge`.
-#[derive(Args, Debug)]
-pub struct MergeArgs {
-    /// Folders of one campaign
-    #[arg(value_name = "DIR", required = true)]
-    pub folders: Vec<PathBuf>,
-    /// Exit with status 1 if there are not so many runs
-    #[arg(long, value_name = "N")]
-    pub expect: Option<usize>,
+    Merge {
+        /// Folders of one campaign
+        #[arg(value_name = "DIR", required = true)]
+        folders: Vec<PathBuf>,
+        /// Exit with status 1 if there are not so many runs
+        #[arg(long, value_name = "N")]
+        expect: Option<usize>,
+    },
 }
 
 /// Reads which run folders stay, by name.

@@ -1,11 +1,10 @@
 use std::fs;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use serde_json::{Value, json};
 
-use super::args::MergeArgs;
 use super::table;
 use crate::cli::args::Common;
 use crate::cli::export::{ParquetFile, Table};
@@ -39,9 +38,9 @@ fn row(line: &RunLine) -> Vec<Value> {
 }
 
 /// Sums up folders of one campaign.
-pub(super) fn merge(args: &MergeArgs, common: Common) -> Result<u8, Failure> {
-    let folders = args.folders.iter().map(|path| CampaignFolder::open(path)).collect::<Result<Vec<_>, _>>()?;
-    merged(&folders, args.expect, common)
+pub(super) fn merge(folders: &[PathBuf], expect: Option<usize>, common: Common) -> Result<u8, Failure> {
+    let folders = folders.iter().map(|path| CampaignFolder::open(path)).collect::<Result<Vec<_>, _>>()?;
+    merged(&folders, expect, common)
 }
 
 /// Writes `summary.json`, `runs.parquet` and a plot into the first of `folders`, and prints the summary. Status 1 if a

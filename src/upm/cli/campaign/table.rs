@@ -1,6 +1,6 @@
 //! The summary of a campaign as lines of text, and as a plot.
 
-use upm_chart::{Chart, Color};
+use upm_chart::{Chart, Color, text_table};
 use upm_runner::campaign::{CellSummary, Interval, RunLine, Summary};
 
 /// Failures that the table names.
@@ -21,17 +21,9 @@ const FIGURES: [(&str, &str, usize, bool); 8] = [
     ("speed_held_mm_s", "held mm/s", 1, false),
 ];
 
-/// Lines with their columns under each other; the first is flush left.
-pub(super) fn aligned(heads: &[String], rows: &[Vec<String>]) -> Vec<String> {
-    let all = || std::iter::once(heads).chain(rows.iter().map(Vec::as_slice));
-    let width = |column: usize| all().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max();
-    let widths: Vec<usize> = (0..heads.len()).map(|column| width(column).unwrap_or_default()).collect();
-    let line = |row: &[String]| {
-        let cells = row.iter().zip(&widths).enumerate();
-        let cells = cells.map(|(i, (cell, &n))| if i == 0 { format!("{cell:n$}") } else { format!("{cell:>n$}") });
-        format!("  {}", cells.collect::<Vec<_>>().join("  ")).trim_end().to_owned()
-    };
-    all().map(line).collect()
+/// Indented lines with their columns under each other; the first is flush left.
+pub(super) fn aligned(rows: &[Vec<String>]) -> impl Iterator<Item = String> {
+    text_table(rows, |column| column > 0).into_iter().map(|line| format!("  {line}"))
 }
 
 /// The lines of a summary; `file` is the campaign's, for commands that repeat failures.
@@ -67,7 +59,8 @@ pub(super) fn lines(summary: &Summary) -> Vec<String> {
         }));
         row
     };
-    lines.extend(aligned(&heads, &summary.of_cells.iter().map(row).collect::<Vec<_>>()));
+    let rows: Vec<_> = std::iter::once(heads).chain(summary.of_cells.iter().map(row)).collect();
+    lines.extend(aligned(&rows));
     if *done > *successes {
         let counted = summary.ends.iter().map(|(end, count)| format!("{end} {count}"));
         lines.push(format!("  ends: {}", counted.collect::<Vec<_>>().join(", ")));
@@ -79,11 +72,8 @@ pub(super) fn lines(summary: &Summary) -> Vec<String> {
     if let Some(first) = summary.failures.first() {
         let more = done - successes - summary.failures.len().min(MOST_FAILURES);
         lines.extend((more > 0).then(|| format!("  and {more} more, in summary.json")));
-        let out = format!("{}-again", facts.name);
-        lines.push(format!(
-            "  to see one: upm campaign {}.json --runs {} --keep all --out {out}",
-            facts.name, first.run
-        ));
+        let (name, run) = (&facts.name, first.run);
+        lines.push(format!("  to see one: upm campaign {name}.json --runs {run} --keep all --out {name}-again"));
     }
     lines
 }

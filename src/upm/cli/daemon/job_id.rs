@@ -13,10 +13,9 @@ const NEWEST: u32 = 20;
 /// Id of the job that `text` names: an id, the unique beginning or ending of one, the name of a job, the newest of
 /// which is meant, or `last` for the last job that a person submitted.
 pub(super) fn job_id(client: &Client, text: &str) -> Result<String, Failure> {
-    let wrong = |found: &str| {
-        let allowed = "a job's id as `upm jobs` lists it, its beginning or ending, a job's name, or last";
-        Failure::bad_input(format!("ID: expected {allowed}, found {found}"))
-    };
+    let refusal = |rest: String| Failure::bad_input(format!("ID: expected {rest}"));
+    let allowed = "a job's id as `upm jobs` lists it, its beginning or ending, a job's name, or last";
+    let wrong = |found: &str| refusal(format!("{allowed}, found {found}"));
     if text == LAST {
         return last(client)?.ok_or_else(|| wrong("no jobs"));
     }
@@ -36,9 +35,7 @@ pub(super) fn job_id(client: &Client, text: &str) -> Result<String, Failure> {
     match only_one(text, &jobs, |job| job.id.to_string(), fits, shown) {
         Ok(Some(job)) => Ok(job.id.to_string()),
         Ok(None) => Err(wrong(&format!("{text:?}, with which no job's id begins or ends"))),
-        Err(several) => {
-            Err(Failure::bad_input(format!("ID: expected more digits of one of {several}; found {text:?}")))
-        }
+        Err(several) => Err(refusal(format!("more digits of one of {several}; found {text:?}"))),
     }
 }
 

@@ -1,7 +1,7 @@
 use super::client::{Client, job_path, on_one_line};
 use super::job_id::{job_id, short_id};
 use crate::cli::args::Common;
-use crate::cli::client_args::{JobArgs, JobsArgs, PlatesArgs};
+use crate::cli::client_args::{DaemonArgs, JobArgs, JobsArgs};
 use crate::cli::output::{Failure, print};
 use crate::cli::progress::behind;
 use crate::cli::summary;
@@ -94,8 +94,8 @@ fn rows(job: &Job, verbose: bool) -> Vec<(&'static str, String)> {
     rows
 }
 
-pub(super) fn plates(args: &PlatesArgs, common: Common) -> Result<u8, Failure> {
-    let plates: Plates = Client::new(&args.daemon)?.get("/v1/plates")?;
+pub(super) fn plates(daemon: &DaemonArgs, common: Common) -> Result<u8, Failure> {
+    let plates: Plates = Client::new(daemon)?.get("/v1/plates")?;
     print(common.json, &plates, || plates.plates.iter().try_for_each(|plate| outln!("{}", plate_line(plate))))
 }
 

@@ -69,13 +69,10 @@ fn other_json(other @ OtherDisc { disc, like }: &OtherDisc, setting: &LocateSetu
     })
 }
 
-/// Prints `value` on one line that begins with the picture's name.
-pub(super) fn print_line(image: &Path, value: Value) -> Result<(), Failure> {
-    let mut line = serde_json::Map::from_iter([("image".to_owned(), json!(image.display().to_string()))]);
-    if let Value::Object(found) = value {
-        line.extend(found);
-    }
-    outln!("{}", Value::Object(line))
+/// Prints `value`, an object, on one line with the picture's name.
+pub(super) fn print_line(image: &Path, mut value: Value) -> Result<(), Failure> {
+    value["image"] = image.display().to_string().into();
+    outln!("{value}")
 }
 
 pub(super) fn print_located(located: &LocatedPicture, setting: &LocateSetup) -> Result<(), Failure> {
