@@ -110,5 +110,5 @@ fn header_of(path: &Path) -> Result<Option<(i32, i32)>, StoreError> {
 }
 
 fn other(path: &Path, found: String) -> StoreError {
-    StoreError::Other { file: path.display().to_string(), found, expected: VERSION }
+    StoreError::Other { file: path.display().to_string(), found }
 }
