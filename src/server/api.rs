@@ -22,7 +22,9 @@ mod state;
 mod submit;
 
 pub(crate) use health::liveness_failures;
-pub(crate) use state::{Counted, DaemonState, EVENT_STREAMS};
+pub(crate) use state::DaemonState;
+#[cfg(test)]
+pub(crate) use state::EVENT_STREAMS;
 
 pub use crate::store::{Job, JobId};
 pub use crate::supervisor::{Observation, Plate};

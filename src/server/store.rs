@@ -23,7 +23,8 @@ use parking_lot::Mutex;
 use rusqlite::{Connection, Transaction, TransactionBehavior};
 
 use columns::text_of_time;
-use schema::{VERSION, open_database};
+use schema::open_database;
+use types::VERSION;
 use upm_runner::config::KeepSpec;
 
 pub use ids::JobId;

@@ -3,9 +3,8 @@
 
 use std::time::Duration;
 
-use super::state::Counted;
 use crate::http::{Reason, ReasonCode};
-use crate::store::{StoreError, low_disk};
+use crate::store::{JobState, StoreError, low_disk};
 use crate::supervisor::{Plate, PlateState};
 
 /// Longest silence of a healthy store: it is read twice a second.
@@ -35,6 +34,16 @@ pub(crate) struct Observed {
     pub runs_bytes: u64,
     /// Number of open event streams.
     pub event_streams: usize,
+}
+
+/// Numbers of jobs and free space at the last count.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Counted {
+    pub at: Duration,
+    /// Jobs of each plate in each state.
+    pub jobs: Vec<(String, JobState, u64)>,
+    /// Free bytes on the disk of the run folders; `None` when unknown.
+    pub free_bytes: Option<u64>,
 }
 
 /// Reasons why the daemon does not work at all; empty when it is healthy.
@@ -68,7 +77,6 @@ pub(super) fn readiness_failures(observed: &Observed) -> Vec<Reason> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::JobState;
     use crate::supervisor::Observation;
     use upm_recording::RecordingState;
 

@@ -1,3 +1,4 @@
+use std::io;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
@@ -10,8 +11,8 @@ use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
 use tokio_util::sync::CancellationToken;
 
-use super::health::Observed;
-use crate::http::{Caller, Confirmations, Problem, Tokens};
+use super::health::{Counted, Observed};
+use crate::http::{BLOCKING_THREADS, Caller, Confirmations, Problem, Tokens};
 use crate::store::{AuditEntry, Job, JobId, JobRow, JobState, Store, StoreError};
 use crate::supervisor::{DryRunSlot, Plate, PlateHandle, PlateSupervisor, ResetError};
 use upm_core::files::free_bytes;
@@ -34,11 +35,11 @@ pub(crate) struct DaemonState {
     pub clock: MonotonicClock,
     /// Cancelled once the daemon is shutting down; ends the server and event streams.
     pub ending: CancellationToken,
-    pub counted: Mutex<Counted>,
+    counted: Mutex<Counted>,
     pub confirmations: Confirmations,
     pub dry_runs: DryRunSlot,
     /// Places for work that waits for the disk. Threads remain for files that are being sent.
-    pub places: Arc<Semaphore>,
+    places: Arc<Semaphore>,
     /// Places for event streams.
     pub event_streams: Arc<Semaphore>,
     pub version: &'static str,
@@ -61,17 +62,32 @@ pub struct EStopped {
     pub wall_s: Option<f64>,
 }
 
-/// Numbers of jobs and free space at the last count.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Counted {
-    pub at: Duration,
-    /// Jobs of each plate in each state.
-    pub jobs: Vec<(String, JobState, u64)>,
-    /// Free bytes on the disk of the run folders; `None` when unknown.
-    pub free_bytes: Option<u64>,
-}
-
 impl DaemonState {
+    /// The state of a daemon that has just started.
+    pub fn new(
+        spec: DaemonSpec,
+        store: Arc<Store>,
+        plates: PlateSupervisor,
+        tokens: Arc<Tokens>,
+        clock: MonotonicClock,
+        version: &'static str,
+    ) -> io::Result<Self> {
+        Ok(Self {
+            spec,
+            store,
+            plates,
+            tokens,
+            clock,
+            ending: CancellationToken::new(),
+            counted: Mutex::new(Counted { at: clock.elapsed(), ..Counted::default() }),
+            confirmations: Confirmations::start()?,
+            dry_runs: DryRunSlot::default(),
+            places: Arc::new(Semaphore::new(BLOCKING_THREADS - 2)),
+            event_streams: Arc::new(Semaphore::new(EVENT_STREAMS)),
+            version,
+        })
+    }
+
     /// The answer of `work`, which may wait for the disk. The work gets a test of whether the client still waits, and
     /// is left out when it does not.
     pub async fn blocking<T: Send + 'static>(

@@ -7,20 +7,17 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use jiff::Timestamp;
-use parking_lot::Mutex;
 use sd_notify::{NotifyState, notify, watchdog_enabled};
-use tokio::sync::Semaphore;
-use tokio_util::sync::CancellationToken;
 
 use super::estop_socket::{self, ESTOP_SOCKET, EmergencyStops};
 use super::prepare::{Prepared, renew_tokens};
-use crate::api::{Counted, DaemonState, EVENT_STREAMS, app, liveness_failures};
-use crate::http::{AllowedHosts, BLOCKING_THREADS, Caller, Confirmations, STOP_PATH, joined, serve, serve_stops};
+use crate::api::{DaemonState, app, liveness_failures};
+use crate::http::{AllowedHosts, Caller, STOP_PATH, joined, serve, serve_stops};
 use crate::store::{JobState, RecoveryReport, Store, StoreError};
-use crate::supervisor::{DryRunSlot, PlateSupervisor};
+use crate::supervisor::PlateSupervisor;
 use upm_core::background::BackgroundThread;
 use upm_core::thread_priority::lower_thread_priority;
-use upm_core::time::{Clock, MonotonicClock};
+use upm_core::time::MonotonicClock;
 use upm_runner::config::DaemonSpec;
 
 /// Longest time for plates to end: motors go to zero at once, closing recordings takes a moment.
@@ -91,20 +88,8 @@ impl Daemon {
         let plates = PlateSupervisor::start(&spec, prepared.libraries, &store, &recovery, clock);
         let plates = plates.map_err(StartError::Plates)?;
         log_recovery(&recovery, &store, &spec);
-        let state = Arc::new(DaemonState {
-            spec,
-            store,
-            plates,
-            tokens: prepared.tokens,
-            clock,
-            ending: CancellationToken::new(),
-            counted: Mutex::new(Counted { at: clock.elapsed(), ..Counted::default() }),
-            confirmations: Confirmations::start().map_err(StartError::Plates)?,
-            dry_runs: DryRunSlot::default(),
-            places: Arc::new(Semaphore::new(BLOCKING_THREADS - 2)),
-            event_streams: Arc::new(Semaphore::new(EVENT_STREAMS)),
-            version,
-        });
+        let state = DaemonState::new(spec, store, plates, prepared.tokens, clock, version);
+        let state = Arc::new(state.map_err(StartError::Plates)?);
         let stop = EmergencyStops(Arc::clone(&state));
         let port = listener.local_addr().map(|address| address.port());
         if let Err(error) = port.and_then(|port| estop_socket::listen(&state.spec.data, port, &stop)) {

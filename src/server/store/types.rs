@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::JobId;
-use super::schema::VERSION;
 use crate::states::{JobState, PauseCause, RecordingStatus};
 use upm_core::job::Pace;
 
@@ -148,6 +147,9 @@ impl AuditEntry {
         Self { plate: Some(plate.to_owned()), reason: reason.to_owned(), ..Self::of_daemon(act) }
     }
 }
+
+/// Schema version; a store of another one is refused.
+pub(super) const VERSION: i32 = 4;
 
 /// Why the store did not fulfil a request.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use parking_lot::Mutex;
-use tokio::sync::Semaphore;
 
 use super::current_job::CurrentJob;
 use super::emergency_stop::EmergencyStop;
@@ -26,7 +25,7 @@ use upm_runner::run::ExternalStop;
 
 /// Most threads of a plate that write emergency stops, more than all doors confirm at once; a disk that hangs has no
 /// more of them.
-pub(super) const RECORDERS: usize = 16;
+const RECORDERS: usize = 16;
 
 /// Name of an emergency stop in the audit log.
 const ESTOP: &str = "estop";
@@ -61,8 +60,8 @@ pub struct PlateHandle {
     pub(super) pausing: Mutex<()>,
     /// The last pause, or its end, that could not be written to the store.
     pub(super) unnoted: Mutex<Option<AuditEntry>>,
-    /// Threads that write an emergency stop to the disk.
-    pub(super) recorders: Arc<Semaphore>,
+    /// Held by each thread that writes an emergency stop to the disk.
+    pub(super) recorders: Arc<()>,
     /// How often its worker has found no work.
     #[cfg(test)]
     pub(super) idled: std::sync::atomic::AtomicU64,
@@ -207,10 +206,11 @@ impl PlateHandle {
     pub fn record_estop(self: &Arc<Self>, who: AuditEntry) -> Receiver<bool> {
         let (shared, entry) = (Arc::clone(self), self.audit_entry(ESTOP, who));
         let (sender, written) = sync_channel(1);
-        let Ok(place) = Arc::clone(&self.recorders).try_acquire_owned() else {
+        let place = Arc::clone(&self.recorders);
+        if Arc::strong_count(&place) > RECORDERS + 1 {
             tracing::error!("not in the audit log, since the disk does not answer: {entry:?}");
             return written;
-        };
+        }
         let record = move || {
             sender.try_send(shared.emergency_stop.persist()).ok();
             shared.note(&entry);

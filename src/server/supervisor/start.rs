@@ -6,14 +6,12 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use parking_lot::Mutex;
-use tokio::sync::Semaphore;
 
 use super::PlateHandle;
 use super::current_job::CurrentJob;
 use super::emergency_stop::EmergencyStop;
 use super::job_rules::{JobRules, Standing};
 use super::latch::Latch;
-use super::plate::RECORDERS;
 use super::preview::FramePreview;
 use super::watchdog::{TICK, Watchdog, ms};
 use crate::store::{RecoveryReport, Store};
@@ -77,7 +75,7 @@ impl PlateSupervisor {
                 resumed_by: Mutex::default(),
                 pausing: Mutex::default(),
                 unnoted: Mutex::default(),
-                recorders: Arc::new(Semaphore::new(RECORDERS)),
+                recorders: Arc::default(),
                 #[cfg(test)]
                 idled: AtomicU64::new(0),
             });

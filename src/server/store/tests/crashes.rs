@@ -3,7 +3,8 @@ use std::fs;
 use super::*;
 use crate::states::PauseCause;
 use crate::store::RecoveryReport;
-use crate::store::schema::{APPLICATION_ID, VERSION};
+use crate::store::VERSION;
+use crate::store::schema::APPLICATION_ID;
 
 /// Names of the plates that are paused.
 fn paused(recovery: &RecoveryReport) -> Vec<String> {
