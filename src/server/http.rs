@@ -13,8 +13,8 @@ mod stop_listener;
 mod tokens;
 
 pub(crate) use layers::{too_large, with_layers};
+pub(crate) use listen::BLOCKING_THREADS;
 pub use listen::serve;
-pub(crate) use listen::{BLOCKING_THREADS, Peer};
 pub use origin_check::AllowedHosts;
 pub(crate) use problem::PROBLEM_JSON;
 pub use problem::{Problem, ProblemDocument, Reason, ReasonCode, joined};

@@ -23,12 +23,14 @@ use parking_lot::Mutex;
 use rusqlite::{Connection, Transaction, TransactionBehavior};
 
 use columns::text_of_time;
-use schema::{VERSION, open_database};
+use schema::open_database;
+use types::VERSION;
+use upm_runner::config::KeepSpec;
 
 pub use ids::JobId;
 pub(crate) use run_folders::low_disk;
 pub use run_folders::open_run_file;
-pub use types::{AuditEntry, Job, JobEnd, JobRow, JobWithSpec, RecoveryReport, StoreError, StoreLimits, SubmitOutcome};
+pub use types::{AuditEntry, Job, JobRow, RecoveryReport, StoreError, SubmitOutcome};
 
 pub use crate::states::{JobState, RecordingStatus};
 pub use upm_core::job::Pace;
@@ -36,10 +38,13 @@ pub use upm_core::job::Pace;
 /// The job store of one data folder.
 #[derive(Debug)]
 pub struct Store {
-    /// `None` once the store is closed.
-    opened: Mutex<Option<Opened>>,
+    /// The connection, and the exclusive lock of the data folder, which is released on drop. `None` once the store is
+    /// closed.
+    opened: Mutex<Option<(Connection, File)>>,
     runs: PathBuf,
-    pub(crate) limits: StoreLimits,
+    /// Most jobs queued for one plate.
+    queue: usize,
+    pub(crate) keep: KeepSpec,
     now: fn() -> Timestamp,
     /// Fault of the last write; `None` when it succeeded.
     fault: Mutex<Option<StoreError>>,
@@ -47,36 +52,24 @@ pub struct Store {
     runs_bytes: AtomicU64,
 }
 
-/// The connection with what belongs to it.
-#[derive(Debug)]
-struct Opened {
-    connection: Connection,
-    /// Exclusive lock of the data folder, released on drop.
-    _lock: File,
-}
-
 /// A write under way.
 struct Write<'a> {
     tx: Transaction<'a>,
     now: Timestamp,
-}
-
-impl Write<'_> {
-    /// The time of the write, as text.
-    fn at(&self) -> String {
-        text_of_time(self.now)
-    }
+    /// The same as text.
+    at: String,
 }
 
 impl Store {
     /// Opens the store in the folder `data`, creating it if needed, and recovers the state that a crash left, with a
-    /// report. Fails
-    /// when another process has the store open, when the folder is not writable, when its disk is full, and, with
-    /// nothing changed, when SQLite cannot read the store or it is of another version.
+    /// report. It holds at most `queue` jobs for one plate, and of ended jobs what `keep` says. Fails when another
+    /// process has the store open, when the folder is not writable, when its disk is full, and, with nothing changed,
+    /// when SQLite cannot read the store or it is of another version.
     pub fn open(
         data: &Path,
         plates: &[String],
-        limits: StoreLimits,
+        queue: usize,
+        keep: KeepSpec,
         now: fn() -> Timestamp,
     ) -> Result<(Self, RecoveryReport), StoreError> {
         let runs = data.join("runs");
@@ -85,9 +78,9 @@ impl Store {
         let file = data.join("upm.db");
         let connection = open_database(&file).map_err(|fault| with_path(&file, fault))?;
         fs::create_dir_all(&runs).map_err(|error| with_path(&runs, error))?;
-        let opened = Mutex::new(Some(Opened { connection, _lock: lock }));
+        let opened = Mutex::new(Some((connection, lock)));
         let (fault, runs_bytes) = (Mutex::default(), AtomicU64::new(0));
-        let store = Self { opened, runs, limits, now, fault, runs_bytes };
+        let store = Self { opened, runs, queue, keep, now, fault, runs_bytes };
         let recovery = store.recover(plates).map_err(|fault| with_path(&file, fault))?;
         store.sweep();
         Ok((store, recovery))
@@ -127,8 +120,8 @@ impl Store {
 
     fn read<T>(&self, read: impl FnOnce(&Connection) -> rusqlite::Result<T>) -> Result<T, StoreError> {
         let opened = self.opened.lock();
-        let opened = opened.as_ref().ok_or(StoreError::Closed)?;
-        Ok(read(&opened.connection)?)
+        let (connection, _) = opened.as_ref().ok_or(StoreError::Closed)?;
+        Ok(read(connection)?)
     }
 
     /// Runs `act` in a transaction; what it wrote is on the disk when this returns.
@@ -138,13 +131,14 @@ impl Store {
 
     fn write_in<T>(
         &self,
-        opened: &mut Option<Opened>,
+        opened: &mut Option<(Connection, File)>,
         act: impl FnOnce(&Write<'_>) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
-        let Opened { connection, .. } = opened.as_mut().ok_or(StoreError::Closed)?;
+        let (connection, _) = opened.as_mut().ok_or(StoreError::Closed)?;
         let written = (|| {
             let tx = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
-            let write = Write { tx, now: (self.now)() };
+            let now = (self.now)();
+            let write = Write { tx, now, at: text_of_time(now) };
             let made = act(&write)?;
             write.tx.commit()?;
             Ok(made)

@@ -7,25 +7,22 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::{Path, State};
-use axum::http::header::{CACHE_CONTROL, HeaderName};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use tokio::fs::File;
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncSeekExt, BufReader};
-use tokio::sync::OwnedSemaphorePermit;
+use tokio::sync::mpsc;
 use tokio::time::sleep;
 
 use super::extract::{ApiState, one_word};
 use super::jobs::JobPath;
 use super::state::DaemonState;
 use crate::http::{Problem, Scope};
-use crate::states::JobState;
 use crate::store::open_run_file;
 
 pub(super) const EVENT_STREAM: &str = "text/event-stream";
-const NO_BUFFERING: HeaderName = HeaderName::from_static("x-accel-buffering");
 const LAST_EVENT_ID: &str = "Last-Event-ID";
 /// Name of the events whose data is the job, as `GET /v1/jobs/ID` has it. Other events are lines of the journal.
 pub const JOB_EVENT: &str = "job";
@@ -54,14 +51,15 @@ pub(super) async fn watch(
     let permit = api.event_streams.clone().try_acquire_owned().map_err(full)?;
     // an unknown job is refused before the stream begins
     api.on_job(&id, |daemon, id| daemon.row(&id)).await?;
-    let watcher = JobWatcher { api, id, headers, after, journal: None, state: None, end: None, is_over: false, permit };
-    let events = stream::unfold(watcher, |mut watcher| async {
-        let event = watcher.next().await?;
-        Some((Ok::<_, Infallible>(event), watcher))
+    let (sender, events) = mpsc::channel(1);
+    tokio::spawn(follow(api, id, headers, after, sender));
+    let events = stream::unfold((events, permit), |(mut events, permit)| async {
+        let event = events.recv().await?;
+        Some((Ok::<_, Infallible>(event), (events, permit)))
     });
     let events = Sse::new(events).keep_alive(KeepAlive::new().interval(HEARTBEAT_TIME));
     // proxies that collect answers before they pass them on let this one through
-    Ok(([(CACHE_CONTROL, "no-store"), (NO_BUFFERING, "no")], events).into_response())
+    Ok(([("cache-control", "no-store"), ("x-accel-buffering", "no")], events).into_response())
 }
 
 fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
@@ -71,78 +69,60 @@ fn last_event_id(headers: &HeaderMap) -> Result<Option<u64>, Problem> {
     text.parse().ok().filter(|_| is_id).map(Some).ok_or_else(bad)
 }
 
-/// The event stream of one client that watches one job.
-struct JobWatcher {
+/// Sends the events of a job to one client, who wants its journal from the byte `after` on, or with `None` from its
+/// present end. The token in `headers` must hold for as long as the stream lasts. Returns early, with `None`, also when
+/// the store does not answer: the client comes back and goes on after the last line it has.
+///
+/// All lines of a job that has ended are in its journal and come before it; an event of another new state comes at
+/// once. The first has an id, so that a client that came without one misses nothing when the stream breaks before the
+/// first line.
+async fn follow(
     api: Arc<DaemonState>,
     id: String,
-    /// Headers of the request, whose token must hold for as long as the stream lasts.
     headers: HeaderMap,
-    /// Offset from which the client wants the journal; `None` for its present end.
-    after: Option<u64>,
-    journal: Option<Journal>,
-    /// State of the job that was seen last.
-    state: Option<JobState>,
-    /// The last event: the job, once it has ended.
-    end: Option<Event>,
-    is_over: bool,
-    #[allow(dead_code)] // held for as long as the stream is
-    permit: OwnedSemaphorePermit,
-}
-
-impl JobWatcher {
-    /// The next event; `None` at the end of the stream. Without an answer of the store the client comes back and goes
-    /// on after the last line it has.
-    async fn next(&mut self) -> Option<Event> {
-        loop {
-            self.api.tokens.admit(&self.headers, Scope::Read).ok()?;
-            if let Some(journal) = &mut self.journal
-                && let Some(line) = journal.line().await?
-            {
-                return Some(line);
-            }
-            if self.end.is_some() || self.is_over {
-                self.is_over = true;
-                return self.end.take();
-            }
-            if self.state.is_some() {
-                tokio::select! {
-                    () = self.api.ending.cancelled() => return None,
-                    () = sleep(POLL_INTERVAL) => {}
-                }
-            }
-            if let Some(job) = self.look().await? {
-                return Some(job);
-            }
-        }
-    }
-
-    /// Looks at the job, and opens its journal once there is one. All lines of a job that has ended are in its journal
-    /// and come before it; an event of another new state comes at once. The first has an id, so that a client that came
-    /// without one misses nothing when the stream breaks before the first line. `None` when the store does not answer.
-    async fn look(&mut self) -> Option<Option<Event>> {
-        let is_open = self.journal.is_some();
-        let seen = self.api.on_job(&self.id, move |daemon, id| {
+    mut after: Option<u64>,
+    events: mpsc::Sender<Event>,
+) -> Option<()> {
+    let (mut journal, mut state) = (None::<Journal>, None);
+    loop {
+        let is_open = journal.is_some();
+        let seen = api.on_job(&id, move |daemon, id| {
             let row = daemon.row(&id)?;
             let folder = row.folder.as_ref().filter(|_| !is_open).map(|name| daemon.store.runs().join(name));
             let journal = folder.and_then(|folder| open_run_file(&folder, "journal.jsonl").ok());
             Ok((daemon.seen(row), journal))
         });
         let (job, file) = seen.await.ok()?;
+        let has_ended = job.state.is_final();
         if let Some(file) = file {
-            self.journal = Journal::open(file, self.after, job.state.is_final()).await;
+            journal = Journal::open(file, after, has_ended).await;
         }
         // a journal that comes later is wanted from its beginning
-        let after = *self.after.get_or_insert(0);
-        let before = self.state.replace(job.state);
+        let after = *after.get_or_insert(0);
         // a job is serialized without failure
-        let event = Event::default().event(JOB_EVENT).json_data(&job).unwrap_or_default();
-        if job.state.is_final() {
-            self.end = Some(event);
-            return Some(None);
+        let mut event = Event::default().event(JOB_EVENT).json_data(&job).unwrap_or_default();
+        let before = state.replace(job.state);
+        if before.is_none() && !has_ended {
+            event = event.id(journal.as_ref().map_or(after, |journal| journal.offset).to_string());
         }
-        let at = self.journal.as_ref().map_or(after, |journal| journal.offset);
-        let event = if before.is_none() { event.id(at.to_string()) } else { event };
-        Some(Some(event).filter(|_| before != Some(job.state)))
+        if before != Some(job.state) && !has_ended {
+            events.send(event.clone()).await.ok()?;
+        }
+        while let Some(journal) = &mut journal
+            && let Some(line) = journal.line().await?
+        {
+            events.send(line).await.ok()?;
+            api.tokens.admit(&headers, Scope::Read).ok()?;
+        }
+        if has_ended {
+            return events.send(event).await.ok();
+        }
+        tokio::select! {
+            () = api.ending.cancelled() => return None,
+            () = events.closed() => return None,
+            () = sleep(POLL_INTERVAL) => {}
+        }
+        api.tokens.admit(&headers, Scope::Read).ok()?;
     }
 }
 

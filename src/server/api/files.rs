@@ -58,7 +58,7 @@ pub(super) async fn recording(State(api): ApiState, Path(job): Path<JobPath>) ->
         let row = daemon.row(&id)?;
         Ok((open(daemon.store.runs(), &row)?, row.job.name))
     });
-    let ((file, bytes), name) = opened.await?;
+    let ((bytes, file), name) = opened.await?;
     let chunks = ReaderStream::with_capacity(tokio::fs::File::from_std(file).take(bytes), CHUNK_BYTES);
     let coded = || name.bytes().map(|byte| format!("%{byte:02X}")).collect::<String>();
     let named = if is_plain_name(&name) { format!("=\"{name}.rrd\"") } else { format!("*=UTF-8''{}.rrd", coded()) };
@@ -70,8 +70,8 @@ pub(super) async fn recording(State(api): ApiState, Path(job): Path<JobPath>) ->
     Ok((headers, Body::from_stream(chunks)).into_response())
 }
 
-/// The recording of a job that has ended, opened, and its size. Waits for the disk.
-fn open(runs: &std::path::Path, row: &JobRow) -> Result<(File, u64), Problem> {
+/// The size of the recording of a job that has ended, and the opened file. Waits for the disk.
+fn open(runs: &std::path::Path, row: &JobRow) -> Result<(u64, File), Problem> {
     let none = match (row.state, row.recording) {
         (JobState::Queued, _) => return Err(unknown("the job has not begun")),
         (JobState::Running, _) => return Err(conflict("the recording is still being written")),
@@ -83,7 +83,7 @@ fn open(runs: &std::path::Path, row: &JobRow) -> Result<(File, u64), Problem> {
     };
     let folder = runs.join(row.folder.as_deref().ok_or_else(|| unknown(none))?);
     let opened = open_run_file(&folder, "run.rrd").and_then(|file| Ok((file.metadata()?.len(), file)));
-    opened.map(|(bytes, file)| (file, bytes)).map_err(|error| match error.kind() {
+    opened.map_err(|error| match error.kind() {
         ErrorKind::NotFound => unknown(none),
         ErrorKind::InvalidInput => conflict(format!("the recording is not served: {error}")),
         _ => {

@@ -22,20 +22,28 @@ pub(crate) struct Observed {
     pub plates_alive: Result<(), String>,
     /// The plates, in the order of the configuration.
     pub plates: Vec<Plate>,
-    /// Number of jobs of each plate in each state, as last counted.
-    pub jobs: Vec<(String, JobState, u64)>,
+    /// What was counted last.
+    pub counted: Counted,
     /// Time since the store was last read.
     pub store_silence: Duration,
     /// Fault of the store's last write; `None` when it succeeded.
     pub store_fault: Option<StoreError>,
-    /// Free bytes on the disk of the run folders; `None` when unknown.
-    pub free_bytes: Option<u64>,
     /// Fewest free bytes with which jobs are accepted.
     pub min_free_bytes: u64,
     /// Bytes in run folders of ended jobs.
     pub runs_bytes: u64,
     /// Number of open event streams.
     pub event_streams: usize,
+}
+
+/// Numbers of jobs and free space at the last count.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Counted {
+    pub at: Duration,
+    /// Jobs of each plate in each state.
+    pub jobs: Vec<(String, JobState, u64)>,
+    /// Free bytes on the disk of the run folders; `None` when unknown.
+    pub free_bytes: Option<u64>,
 }
 
 /// Reasons why the daemon does not work at all; empty when it is healthy.
@@ -58,7 +66,7 @@ pub(super) fn readiness_failures(observed: &Observed) -> Vec<Reason> {
     }
     let fault = observed.store_fault.as_ref();
     failures.extend(fault.map(|fault| Reason::new(ReasonCode::StoreUnwritable, fault.to_string())));
-    let low = low_disk(observed.free_bytes, observed.min_free_bytes);
+    let low = low_disk(observed.counted.free_bytes, observed.min_free_bytes);
     failures.extend(low.map(|low| Reason::new(ReasonCode::DiskLow, low)));
     if observed.plates.iter().all(|plate| plate.state == PlateState::Stopped) {
         failures.push(Reason::new(ReasonCode::AllStopped, "an emergency stop holds on every plate"));
@@ -98,10 +106,13 @@ mod tests {
                 is_stopping: false,
                 plates_alive: Ok(()),
                 plates: vec![left, plate("right", PlateState::Idle)],
-                jobs: vec![("left".to_owned(), JobState::Completed, 7), ("gone".to_owned(), JobState::Failed, 1)],
+                counted: Counted {
+                    at: Duration::from_millis(61_250),
+                    jobs: vec![("left".to_owned(), JobState::Completed, 7), ("gone".to_owned(), JobState::Failed, 1)],
+                    free_bytes: Some(5_000_000_000),
+                },
                 store_silence: Duration::from_millis(250),
                 store_fault: None,
-                free_bytes: Some(5_000_000_000),
                 min_free_bytes: 500_000_000,
                 runs_bytes: 123,
                 event_streams: 5,
@@ -142,9 +153,9 @@ mod tests {
         unready(|o| o.is_stopping = true, "the daemon is ending");
         unready(|o| o.store_fault = Some(StoreError::Full), "the disk of the job store is full");
         let full = "the disk has 500.0 MB left, jobs are taken from 500.0 MB on (`disk.min_free_mb`)";
-        unready(|o| o.free_bytes = Some(499_999_999), full);
-        assert_eq!(failures(|o| o.free_bytes = Some(500_000_000)).1, [""; 0]);
-        assert_eq!(failures(|o| o.free_bytes = None).1, [""; 0]);
+        unready(|o| o.counted.free_bytes = Some(499_999_999), full);
+        assert_eq!(failures(|o| o.counted.free_bytes = Some(500_000_000)).1, [""; 0]);
+        assert_eq!(failures(|o| o.counted.free_bytes = None).1, [""; 0]);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicU64;
 use prometheus_client::encoding::text::encode;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
-use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::metrics::gauge::{ConstGauge, Gauge};
 use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::{Metric, Registry, Unit};
 
@@ -34,9 +34,7 @@ impl Scrape {
 
     /// Adds a value that rises and falls and has no labels.
     fn value(&mut self, name: &str, help: &str, unit: Option<Unit>, value: f64) {
-        let gauge = Gauge::<f64, AtomicU64>::default();
-        gauge.set(value);
-        self.add(name, help, unit, gauge);
+        self.add(name, help, unit, ConstGauge::new(value));
     }
 
     fn add(&mut self, name: &str, help: &str, unit: Option<Unit>, metric: impl Metric) {
@@ -72,9 +70,9 @@ fn of_daemon(scrape: &mut Scrape, observed: &Observed) {
     let build = vec![("version", observed.version.to_owned()), ("rerun", upm_viewer::BUILT_IN.to_string())];
     scrape.add("build", "The program that runs", None, Info::new(build));
     scrape.value("uptime", "Time since the daemon started", Some(Unit::Seconds), observed.uptime.as_secs_f64());
-    let is_healthy = flag(liveness_failures(observed).is_empty());
+    let is_healthy = f64::from(liveness_failures(observed).is_empty());
     scrape.value("healthy", "1 when the daemon works, as /healthz says", None, is_healthy);
-    let is_ready = flag(readiness_failures(observed).is_empty());
+    let is_ready = f64::from(readiness_failures(observed).is_empty());
     scrape.value("ready", "1 when the daemon takes jobs, as /readyz says", None, is_ready);
     scrape.value("event_streams", "Event streams that are open", None, observed.event_streams as f64);
 }
@@ -116,23 +114,19 @@ fn of_plates(scrape: &mut Scrape, plates: &[Plate]) {
 }
 
 fn of_store(scrape: &mut Scrape, observed: &Observed) {
-    let jobs = observed.jobs.iter().map(|(plate, state, count)| {
+    let jobs = observed.counted.jobs.iter().map(|(plate, state, count)| {
         (vec![("plate", plate.clone()), ("state", state.code().to_owned())], *count as f64)
     });
     scrape.gauge("jobs", "Jobs the store knows", None, jobs);
     let silence_s = observed.store_silence.as_secs_f64();
     scrape.value("store_heartbeat", "Time since the job store last answered", Some(Unit::Seconds), silence_s);
-    let is_writable = flag(observed.store_fault.is_none());
+    let is_writable = f64::from(observed.store_fault.is_none());
     scrape.value("store_writable", "1 while the job store can be written", None, is_writable);
-    if let Some(bytes) = observed.free_bytes {
+    if let Some(bytes) = observed.counted.free_bytes {
         scrape.value("disk_free", "Room left on the disk of the data folder", Some(Unit::Bytes), bytes as f64);
     }
     let runs = observed.runs_bytes as f64;
     scrape.value("runs", "Room that run folders of ended jobs take up", Some(Unit::Bytes), runs);
-}
-
-fn flag(is: bool) -> f64 {
-    f64::from(u8::from(is))
 }
 
 fn of_plate(plate: &Plate) -> Labels {
@@ -141,5 +135,5 @@ fn of_plate(plate: &Plate) -> Labels {
 
 /// One sample for each state: 1 for the current state, 0 for the others.
 fn one_of<const N: usize>(plate: &Plate, states: [(&'static str, bool); N]) -> [(Labels, f64); N] {
-    states.map(|(state, is)| (vec![("plate", plate.name.clone()), ("state", state.to_owned())], flag(is)))
+    states.map(|(state, is)| (vec![("plate", plate.name.clone()), ("state", state.to_owned())], f64::from(is)))
 }

@@ -1,6 +1,6 @@
 //! The operator page: its files, compiled in, and the shipped jobs as examples.
 
-use std::sync::OnceLock;
+use std::sync::LazyLock;
 
 use axum::extract::{Path, State};
 use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
@@ -54,9 +54,9 @@ fn policy(stop_port: Option<u16>) -> String {
 }
 
 fn content_of(name: &str) -> Option<Bytes> {
-    static EXAMPLES: OnceLock<Bytes> = OnceLock::new();
+    static EXAMPLES: LazyLock<Bytes> = LazyLock::new(|| serde_json::to_vec(&examples()).unwrap_or_default().into());
     if name == "examples.json" {
-        return Some(EXAMPLES.get_or_init(|| serde_json::to_vec(&examples()).unwrap_or_default().into()).clone());
+        return Some(EXAMPLES.clone());
     }
     FILES.get_file(name).map(|file| Bytes::from_static(file.contents()))
 }

@@ -91,9 +91,9 @@ pub(super) async fn estop(
 ) -> Answer<EStopped> {
     let (daemon, plate) = (Arc::clone(&api), Arc::clone(api.plate(&plate.name)?));
     plate.estop();
-    let confirmed = api.confirmations.of(move || daemon.confirm_stop(&plate, &caller)).await;
+    let confirmed = api.confirmations.of(move || daemon.confirm_stops(&[plate], &caller)).await;
     let unconfirmed = || Problem::busy("the plate is stopped; what became of its motors is not known", 1);
-    Ok(Json(confirmed.ok_or_else(unconfirmed)?))
+    Ok(Json(confirmed.and_then(|mut stops| stops.pop()).ok_or_else(unconfirmed)?))
 }
 
 /// Ends an emergency stop. A client that gave up finds the plate stopped.

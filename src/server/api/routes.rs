@@ -9,7 +9,7 @@ use aide::generate::{GenContext, in_context};
 use aide::openapi::{Operation, Response as Described, SecurityScheme};
 use aide::transform::{TransformOpenApi, TransformOperation};
 use axum::Json;
-use axum::extract::{Request, State};
+use axum::extract::{ConnectInfo, Request, State};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::Response;
 use axum::routing::get;
@@ -18,7 +18,7 @@ use serde_json::json;
 
 use super::state::DaemonState;
 use super::{events, files, jobs, page, plates};
-use crate::http::{Caller, PROBLEM_JSON, Peer, Problem, ProblemDocument, Scope, Tokens};
+use crate::http::{Caller, PROBLEM_JSON, Problem, ProblemDocument, Scope, Tokens};
 use crate::store::Job;
 
 type Routes = ApiRouter<Arc<DaemonState>>;
@@ -106,7 +106,7 @@ async fn admit(
     next: Next,
 ) -> Result<Response, Problem> {
     let name = tokens.admit(request.headers(), scope)?;
-    let remote = request.extensions().get().map(|Peer(address)| *address);
+    let remote = request.extensions().get().map(|ConnectInfo(address)| *address);
     request.extensions_mut().insert(Caller { name, remote });
     Ok(next.run(request).await)
 }

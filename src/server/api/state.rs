@@ -1,5 +1,6 @@
 use std::io;
 use std::sync::Arc;
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use axum::http::StatusCode;
@@ -10,7 +11,7 @@ use tokio::sync::Semaphore;
 use tokio::task::spawn_blocking;
 use tokio_util::sync::CancellationToken;
 
-use super::health::Observed;
+use super::health::{Counted, Observed};
 use crate::http::{BLOCKING_THREADS, Caller, Confirmations, Problem, Tokens};
 use crate::store::{AuditEntry, Job, JobId, JobRow, JobState, Store, StoreError};
 use crate::supervisor::{DryRunSlot, Plate, PlateHandle, PlateSupervisor, ResetError};
@@ -20,6 +21,9 @@ use upm_runner::config::DaemonSpec;
 
 /// Most event streams at once.
 pub(crate) const EVENT_STREAMS: usize = 256;
+
+/// Longest wait of an emergency stop for the motors to be silent, for the latch file and for the audit log.
+const CONFIRMED_WITHIN: Duration = Duration::from_millis(800);
 
 /// State that all handlers share.
 #[derive(Debug)]
@@ -58,16 +62,6 @@ pub struct EStopped {
     pub wall_s: Option<f64>,
 }
 
-/// Numbers of jobs and free space at the last count.
-#[derive(Clone, Debug)]
-struct Counted {
-    at: Duration,
-    /// Jobs of each plate in each state.
-    jobs: Vec<(String, JobState, u64)>,
-    /// Free bytes on the disk of the run folders; `None` when unknown.
-    free_bytes: Option<u64>,
-}
-
 impl DaemonState {
     /// The state of a daemon that has just started.
     pub fn new(
@@ -78,7 +72,6 @@ impl DaemonState {
         clock: MonotonicClock,
         version: &'static str,
     ) -> io::Result<Self> {
-        let counted = Mutex::new(Counted { at: clock.elapsed(), jobs: Vec::new(), free_bytes: None });
         Ok(Self {
             spec,
             store,
@@ -86,7 +79,7 @@ impl DaemonState {
             tokens,
             clock,
             ending: CancellationToken::new(),
-            counted,
+            counted: Mutex::new(Counted { at: clock.elapsed(), ..Counted::default() }),
             confirmations: Confirmations::start()?,
             dry_runs: DryRunSlot::default(),
             places: Arc::new(Semaphore::new(BLOCKING_THREADS - 2)),
@@ -140,9 +133,9 @@ impl DaemonState {
 
     /// A job for a client. The progress of one that runs is known to its plate alone.
     pub fn seen(&self, row: JobRow) -> Job {
-        let plate = self.plates.get(&row.plate).filter(|_| row.state == JobState::Running);
-        let progress = plate.and_then(|plate| plate.progress_of(&row.id));
-        Job { progress: progress.unwrap_or(row.progress), ..row.job }
+        let is_on = |plate: &&Arc<PlateHandle>| plate.job.running().is_some_and(|running| running.job == row.id);
+        let plate = self.plates.get(&row.plate).filter(|plate| row.state == JobState::Running && is_on(plate));
+        Job { progress: plate.map_or(row.progress, |plate| plate.job.seen().0.progress), ..row.job }
     }
 
     /// A plate now, with its queue as last counted.
@@ -159,18 +152,28 @@ impl DaemonState {
         self.plate_now(plate)
     }
 
-    /// Stores an emergency stop already made in the audit log and reports its result.
-    pub fn confirm_stop(&self, plate: &Arc<PlateHandle>, caller: &Caller) -> EStopped {
-        let persisted = plate.record_estop(audit_entry(caller.clone()));
-        let times = plate.emergency_stop.interlock.stop_times();
-        EStopped {
-            plate: plate.name().to_owned(),
-            silent: times.is_some(),
-            persisted,
-            requested_at_s: times.map(|times| times.requested_at.secs()),
-            silent_at_s: times.map(|times| times.motors_off_at.secs()),
-            wall_s: times.map(|times| times.wall.as_secs_f64()),
-        }
+    /// Stores emergency stops already made in the audit log and reports their results. Waits briefly for motors and
+    /// disks, for all plates at once.
+    pub fn confirm_stops(&self, plates: &[Arc<PlateHandle>], caller: &Caller) -> Vec<EStopped> {
+        let until = self.clock.elapsed() + CONFIRMED_WITHIN;
+        let record = |plate: &Arc<PlateHandle>| plate.record_estop(audit_entry(caller.clone()));
+        let recorded: Vec<Receiver<bool>> = plates.iter().map(record).collect();
+        let confirm = |(plate, written): (&Arc<PlateHandle>, Receiver<bool>)| {
+            let left = || until.saturating_sub(self.clock.elapsed());
+            let times = plate.emergency_stop.interlock.wait_until_motors_off(left());
+            let persisted = written.recv_timeout(left()).unwrap_or(false);
+            // ends with the thread: the entry in the audit log is there, too
+            written.recv_timeout(left()).ok();
+            EStopped {
+                plate: plate.name().to_owned(),
+                silent: times.is_some(),
+                persisted,
+                requested_at_s: times.map(|times| times.requested_at.secs()),
+                silent_at_s: times.map(|times| times.motors_off_at.secs()),
+                wall_s: times.map(|times| times.wall.as_secs_f64()),
+            }
+        };
+        plates.iter().zip(recorded).map(confirm).collect()
     }
 
     /// Counts jobs, or those in one state; when the store fails, the previous numbers remain.
@@ -196,7 +199,7 @@ impl DaemonState {
 
     /// The daemon now. Never blocks: data from the store is as of the last count.
     pub fn observed(&self) -> Observed {
-        let Counted { at, jobs, free_bytes, .. } = self.counted.lock().clone();
+        let counted = self.counted.lock().clone();
         let now = self.clock.elapsed();
         Observed {
             version: self.version,
@@ -204,10 +207,9 @@ impl DaemonState {
             is_stopping: self.ending.is_cancelled(),
             plates_alive: self.plates.alive(),
             plates: self.plates.iter().map(|plate| self.plate_now(plate)).collect(),
-            jobs,
-            store_silence: now.saturating_sub(at),
+            store_silence: now.saturating_sub(counted.at),
+            counted,
             store_fault: self.store.fault(),
-            free_bytes,
             min_free_bytes: self.spec.min_free_bytes,
             runs_bytes: self.store.runs_bytes(),
             event_streams: EVENT_STREAMS - self.event_streams.available_permits(),

@@ -17,13 +17,6 @@ use upm_runner::config::{Diagnostic, JobLayout, PlateSpec, RigFile};
 /// `Retry-After` for a full queue, s. A guess, chosen to keep retries cheap.
 const FULL_RETRY_S: u32 = 5;
 
-/// Fingerprint that a repeated key must match: the body and the requested pace. Values that the daemon derives from
-/// either are excluded, since they may change with a restart.
-fn sha256_of(text: &str, pace: Option<Pace>) -> [u8; 32] {
-    let pace = pace.map_or("none", Pace::code);
-    Sha256::new().chain_update(pace).chain_update("\n").chain_update(text).finalize().into()
-}
-
 impl DaemonState {
     /// Checks a job and queues it: it is on the disk when this returns. A repeated key gets the earlier job and true,
     /// whatever now prevents a new one. A job is not stored when its client no longer waits, since that may send it
@@ -35,7 +28,9 @@ impl DaemonState {
         key: Option<String>,
         is_awaited: &dyn Fn() -> bool,
     ) -> Result<(Job, bool), Problem> {
-        let body_sha256 = sha256_of(text, pace);
+        // what a repeated key must match, without values derived from it: they may change with a restart
+        let asked = format!("{}\n{text}", pace.map_or("none", Pace::code));
+        let body_sha256: [u8; 32] = Sha256::digest(asked).into();
         if let Some(key) = &key
             && let Some(known) = self.store.repeated(key, &body_sha256)?
         {
@@ -48,7 +43,7 @@ impl DaemonState {
         let job = plate.rules.validated(text, pace.unwrap_or(self.spec.pace));
         let mut job = job.map_err(|faults| self.refused(text, faults))?;
         self.is_accepting(plate)?;
-        (job.row.body_sha256, job.row.key) = (body_sha256, key);
+        (job.body_sha256, job.key) = (body_sha256, key);
         let accepted = self.store.accept(&job, is_awaited)?.ok_or_else(unheard)?;
         if matches!(accepted, SubmitOutcome::New(_)) {
             plate.job_queued();

@@ -7,9 +7,9 @@ use std::fs::{self, Permissions};
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::{UnixListener, UnixStream};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
-use std::thread::{self, ScopedJoinHandle};
+use std::thread;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -76,61 +76,40 @@ impl EmergencyStops {
     /// Stops the plates called `names`, or every plate where none is named.
     pub(super) fn stop(&self, names: &[String], caller: &Caller) -> LocalStopAnswer {
         let is_meant = |plate: &&Arc<PlateHandle>| names.is_empty() || names.iter().any(|name| name == plate.name());
-        let plates: Vec<&Arc<PlateHandle>> = self.0.plates.iter().filter(is_meant).collect();
+        let plates: Vec<Arc<PlateHandle>> = self.0.plates.iter().filter(is_meant).cloned().collect();
         for plate in &plates {
             plate.estop();
         }
-        // in parallel: on a frozen disk each takes most of a second
-        let see = |plate: &Arc<PlateHandle>| self.0.confirm_stop(plate, caller);
-        let stops = thread::scope(|scope| {
-            let start = |plate| thread::Builder::new().spawn_scoped(scope, move || see(plate)).ok();
-            let seen: Vec<_> = plates.into_iter().map(|plate| (plate, start(plate))).collect();
-            let wait = |(plate, seen): (_, Option<ScopedJoinHandle<'_, EStopped>>)| {
-                seen.and_then(|thread| thread.join().ok()).unwrap_or_else(|| see(plate))
-            };
-            seen.into_iter().map(wait).collect()
-        });
+        let stops = self.0.confirm_stops(&plates, caller);
         let unknown = names.iter().find(|name| self.0.plates.get(name).is_none());
         let fault = |name| format!("expected one of {}, found {name:?}", self.0.spec.plate_names().join(", "));
         LocalStopAnswer { stops, error: unknown.map(fault) }
     }
 }
 
-/// The listening socket. Dropping it removes the socket file.
-#[derive(Debug)]
-pub(super) struct EStopSocket(PathBuf);
-
-impl EStopSocket {
-    /// Listens in `data`, replacing a socket left by an earlier daemon; `port` is the HTTP port. The caller must hold
-    /// the folder's lock.
-    pub fn open(data: &Path, port: u16, stop: EmergencyStops) -> io::Result<Self> {
-        let path = data.join(ESTOP_SOCKET);
-        match fs::remove_file(&path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
-            _ => {}
-        }
-        let listener = UnixListener::bind(&path)?;
-        fs::set_permissions(&path, Permissions::from_mode(0o600))?;
-        for _ in 0..THREADS {
-            let (listener, stop) = (listener.try_clone()?, stop.clone());
-            let attend = move || {
-                for client in listener.incoming() {
-                    if let Err(error) = client.and_then(|client| take_stop(&client, port, &stop)) {
-                        tracing::warn!("{ESTOP_SOCKET}: {error}");
-                        thread::sleep(NO_ROOM_PAUSE);
-                    }
+/// Listens in `data`, replacing a socket left by an earlier daemon; `port` is the HTTP port. The caller must hold the
+/// folder's lock, and removes the socket before it gives the lock up.
+pub(super) fn listen(data: &Path, port: u16, stop: &EmergencyStops) -> io::Result<()> {
+    let path = data.join(ESTOP_SOCKET);
+    match fs::remove_file(&path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
+    let listener = UnixListener::bind(&path)?;
+    fs::set_permissions(&path, Permissions::from_mode(0o600))?;
+    for _ in 0..THREADS {
+        let (listener, stop) = (listener.try_clone()?, stop.clone());
+        let attend = move || {
+            for client in listener.incoming() {
+                if let Err(error) = client.and_then(|client| take_stop(&client, port, &stop)) {
+                    tracing::warn!("{ESTOP_SOCKET}: {error}");
+                    thread::sleep(NO_ROOM_PAUSE);
                 }
-            };
-            thread::Builder::new().name("estop".into()).spawn(attend)?;
-        }
-        Ok(Self(path))
+            }
+        };
+        thread::Builder::new().name("estop".into()).spawn(attend)?;
     }
-}
-
-impl Drop for EStopSocket {
-    fn drop(&mut self) {
-        fs::remove_file(&self.0).ok();
-    }
+    Ok(())
 }
 
 fn take_stop(client: &UnixStream, port: u16, stop: &EmergencyStops) -> io::Result<()> {

@@ -1,3 +1,4 @@
+use std::fs;
 use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
@@ -8,16 +9,16 @@ use std::time::Duration;
 use jiff::Timestamp;
 use sd_notify::{NotifyState, notify, watchdog_enabled};
 
-use super::estop_socket::{ESTOP_SOCKET, EStopSocket, EmergencyStops};
+use super::estop_socket::{self, ESTOP_SOCKET, EmergencyStops};
 use super::prepare::{Prepared, renew_tokens};
 use crate::api::{DaemonState, app, liveness_failures};
 use crate::http::{AllowedHosts, Caller, STOP_PATH, joined, serve, serve_stops};
-use crate::store::{JobState, RecoveryReport, Store, StoreError, StoreLimits};
+use crate::store::{JobState, RecoveryReport, Store, StoreError};
 use crate::supervisor::PlateSupervisor;
 use upm_core::background::BackgroundThread;
 use upm_core::thread_priority::lower_thread_priority;
 use upm_core::time::MonotonicClock;
-use upm_runner::config::{DaemonSpec, KeepSpec};
+use upm_runner::config::DaemonSpec;
 
 /// Longest time for plates to end: motors go to zero at once, closing recordings takes a moment.
 const PLATES_WITHIN: Duration = Duration::from_millis(1200);
@@ -60,8 +61,6 @@ pub struct ExitReport {
 pub struct Daemon {
     pub(super) state: Arc<DaemonState>,
     listener: TcpListener,
-    /// `None` when the socket could not be created.
-    estop_socket: Option<EStopSocket>,
 }
 
 impl Daemon {
@@ -83,26 +82,24 @@ impl Daemon {
         // before anything is changed: a port in use must not disturb the daemon that holds the data
         let listener = listener_at(spec.listen)?;
         let stop_listener = spec.stop_listen.map(listener_at).transpose()?;
-        let KeepSpec { jobs, runs_bytes, standing_runs } = spec.keep;
-        let limits = StoreLimits { queued: spec.queue, jobs, runs_bytes, standing_runs };
-        let opened = Store::open(&spec.data, &spec.plate_names(), limits, now).map_err(StartError::Store)?;
-        let (store, recovery) = (Arc::new(opened.0), opened.1);
+        let opened = Store::open(&spec.data, &spec.plate_names(), spec.queue, spec.keep.clone(), now);
+        let (store, recovery) = opened.map_err(StartError::Store)?;
+        let store = Arc::new(store);
         let plates = PlateSupervisor::start(&spec, prepared.libraries, &store, &recovery, clock);
         let plates = plates.map_err(StartError::Plates)?;
         log_recovery(&recovery, &store, &spec);
-        let state =
-            DaemonState::new(spec, store, plates, prepared.tokens, clock, version).map_err(StartError::Plates)?;
-        let state = Arc::new(state);
+        let state = DaemonState::new(spec, store, plates, prepared.tokens, clock, version);
+        let state = Arc::new(state.map_err(StartError::Plates)?);
         let stop = EmergencyStops(Arc::clone(&state));
         let port = listener.local_addr().map(|address| address.port());
-        let estop_socket = port.and_then(|port| EStopSocket::open(&state.spec.data, port, stop));
-        // only logged: HTTP and SIGUSR1 stop the plates, too
-        let fault = |error| tracing::error!("{}: {error}", state.spec.data.join(ESTOP_SOCKET).display());
-        let estop_socket = estop_socket.map_err(fault).ok();
+        if let Err(error) = port.and_then(|port| estop_socket::listen(&state.spec.data, port, &stop)) {
+            // only logged: HTTP and SIGUSR1 stop the plates, too
+            tracing::error!("{}: {error}", state.spec.data.join(ESTOP_SOCKET).display());
+        }
         if let Some(stop_listener) = stop_listener {
             take_stops(stop_listener, &state).map_err(StartError::Plates)?;
         }
-        Ok(Self { state, listener, estop_socket })
+        Ok(Self { state, listener })
     }
 
     /// A handle that stops its plates without the network.
@@ -117,12 +114,11 @@ impl Daemon {
 
     /// Serves until `stop` receives a message or is disconnected, then shuts down within two seconds, whatever clients
     /// do; motors go to zero first. The service manager is notified when the daemon is ready, alive and shutting down.
-    pub fn serve(mut self, stop: &Receiver<()>) -> ExitReport {
-        let (state, estop_socket) = (Arc::clone(&self.state), self.estop_socket.take());
+    pub fn serve(self, stop: &Receiver<()>) -> ExitReport {
+        let Self { state, listener } = self;
         // on another thread until the daemon ends
         let (app, ending) = (app(Arc::clone(&state)), state.ending.clone());
-        let answering =
-            thread::spawn(move || serve(self.listener, app, &ending, REQUESTS_WITHIN, lower_thread_priority));
+        let answering = thread::spawn(move || serve(listener, app, &ending, REQUESTS_WITHIN, lower_thread_priority));
         if let Err(error) = start_counting(&state) {
             tracing::error!("jobs are not counted: {error}");
         }
@@ -132,7 +128,7 @@ impl Daemon {
             tracing::error!("the service manager gets no signs of life: {error}");
         }
         while !answering.is_finished() && stop.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {}
-        end(&state, answering, estop_socket)
+        end(&state, answering)
     }
 }
 
@@ -173,11 +169,7 @@ fn start_counting(state: &Arc<DaemonState>) -> io::Result<()> {
 }
 
 /// Shuts down, each part within its time: plates and requests in parallel, then the store.
-fn end(
-    state: &Arc<DaemonState>,
-    answering: JoinHandle<io::Result<usize>>,
-    estop_socket: Option<EStopSocket>,
-) -> ExitReport {
+fn end(state: &Arc<DaemonState>, answering: JoinHandle<io::Result<usize>>) -> ExitReport {
     state.ending.cancel();
     // motors to zero before anything is reported: logging may take a while
     state.plates.shutdown(Duration::ZERO);
@@ -191,7 +183,7 @@ fn end(
     }
     tracing::debug!("requests have ended");
     // while the folder is locked: after that the socket may be the next daemon's
-    drop(estop_socket);
+    fs::remove_file(state.spec.data.join(ESTOP_SOCKET)).ok();
     let daemon = Arc::clone(state);
     let persisted = BackgroundThread::start("persist", false, move || daemon.plates.persist_again())
         .is_ok_and(|thread| thread.wait_within(STORE_WITHIN).unwrap_or(false));

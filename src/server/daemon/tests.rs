@@ -24,7 +24,7 @@ use super::start::Daemon;
 use super::{StartError, prepare};
 use crate::api::{DaemonState, app};
 use crate::http::{BLOCKING_THREADS, ProblemDocument};
-use crate::store::{JobEnd, JobRow, JobState, Pace, RecordingStatus, SubmitOutcome};
+use crate::store::{JobRow, JobState, Pace, RecordingStatus, SubmitOutcome};
 use crate::supervisor::PlateHandle;
 use upm_core::time::MonotonicClock;
 use upm_fixtures::wait::eventually;
@@ -149,14 +149,15 @@ impl TestApi {
 
     /// Begins the queued job as its plate would, but runs nothing; its run folder.
     fn begin(&self) -> PathBuf {
-        let runs = self.daemon.store.runs().to_owned();
-        let folder = |row: &JobRow| std::fs::create_dir(runs.join(row.run_folder())).map(|()| row.run_folder());
-        runs.join(self.daemon.store.claim("upm-1", &folder).unwrap().unwrap().row.folder.unwrap())
+        let store = &self.daemon.store;
+        store.runs().join(store.claim("upm-1").unwrap().unwrap().folder.unwrap())
     }
 
     fn end(&self, row: &JobRow, state: JobState, recording: RecordingStatus) {
-        let end = JobEnd { recording, ..JobEnd::of(state, "") };
-        self.daemon.store.finish(&row.id, &end).unwrap();
+        let mut row = self.daemon.store.job(&row.id).unwrap().unwrap();
+        row.job.set_end(state, "");
+        row.job.recording = recording;
+        self.daemon.store.finish(&row).unwrap();
     }
 }
 

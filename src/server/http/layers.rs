@@ -3,7 +3,7 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::extract::Request;
-use axum::http::header::{CONTENT_LENGTH, CONTENT_TYPE, HeaderName};
+use axum::http::header::{CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::Response;
@@ -19,8 +19,6 @@ use super::problem::{PROBLEM_JSON, Problem};
 
 /// Longest time until an answer starts, the arrival of the request's body included.
 const ANSWER_TIME: Duration = Duration::from_secs(10);
-
-static X_REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
 /// Adds the layers around `app` that every request passes, the outermost last.
 pub(crate) fn with_layers(app: Router, hosts: AllowedHosts) -> Router {
@@ -62,12 +60,12 @@ async fn identify(request: Request, next: Next) -> Response {
     let before = response.status();
     if let Some(problem) = response.extensions_mut().remove::<Problem>().or_else(|| problem_of(before)) {
         *response.status_mut() = problem.status();
-        *response.body_mut() = problem.body(Some(&id));
+        *response.body_mut() = problem.body(&id);
         response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(PROBLEM_JSON));
         response.headers_mut().remove(CONTENT_LENGTH);
     }
     if let Ok(value) = HeaderValue::from_str(&id) {
-        response.headers_mut().insert(X_REQUEST_ID.clone(), value);
+        response.headers_mut().insert("x-request-id", value);
     }
     let status = response.status().as_u16();
     if is_alarming(&path, status) {

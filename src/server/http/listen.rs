@@ -1,16 +1,16 @@
 use std::io;
-use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::extract::ConnectInfo;
 use axum::{Extension, Router};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
 use socket2::SockRef;
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 
@@ -36,13 +36,10 @@ const HEADER_LINES: usize = 64;
 /// Pause after the system could not accept one more connection.
 const NO_ROOM_PAUSE: Duration = Duration::from_millis(50);
 
-/// Address of the client that sent a request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Peer(pub SocketAddr);
-
 /// Serves `app` on `listener` until `stop` is cancelled, in its own runtime, each of whose threads begins with
-/// `on_thread_start`. Blocks. Requests under way then have the time `ending` for their end, whatever clients do.
-/// Returns the number of connections dropped because they had not ended by then.
+/// `on_thread_start`. Blocks. Requests have the client's address as [`ConnectInfo`]. Those under way then have the time
+/// `ending` for their end, whatever clients do. Returns the number of connections dropped because they had not ended by
+/// then.
 pub fn serve(
     listener: std::net::TcpListener,
     app: Router,
@@ -65,9 +62,15 @@ pub fn serve(
         builder.timer(TokioTimer::new()).header_read_timeout(HEADER_TIME);
         builder.max_buf_size(HEADER_BYTES).max_headers(HEADER_LINES);
         loop {
+            // a connection for which there is no place yet waits in the kernel's queue
+            let accepted = async {
+                let place = Arc::clone(&places).acquire_owned().await.map_err(io::Error::other)?;
+                let (stream, peer) = listener.accept().await?;
+                Ok::<_, io::Error>((stream, peer, place))
+            };
             let accepted = tokio::select! {
                 () = stop.cancelled() => break,
-                accepted = accept(&listener, &places) => accepted,
+                accepted = accepted => accepted,
             };
             let (stream, peer, place) = match accepted {
                 Ok(accepted) => accepted,
@@ -79,7 +82,7 @@ pub fn serve(
             };
             let _ = stream.set_nodelay(true);
             let _ = SockRef::from(&stream).set_tcp_user_timeout(Some(STALLED_TIME));
-            let service = TowerToHyperService::new(app.clone().layer(Extension(Peer(peer))));
+            let service = TowerToHyperService::new(app.clone().layer(Extension(ConnectInfo(peer))));
             let connection = open.watch(builder.serve_connection(TokioIo::new(stream), service));
             tokio::spawn(async move {
                 if let Err(error) = connection.await {
@@ -94,14 +97,4 @@ pub fn serve(
     });
     runtime.shutdown_background();
     served
-}
-
-/// The next connection, once there is a place for it. Until then it waits in the kernel's queue.
-async fn accept(
-    listener: &TcpListener,
-    places: &Arc<Semaphore>,
-) -> io::Result<(TcpStream, SocketAddr, OwnedSemaphorePermit)> {
-    let place = Arc::clone(places).acquire_owned().await.map_err(io::Error::other)?;
-    let (stream, peer) = listener.accept().await?;
-    Ok((stream, peer, place))
 }

@@ -2,17 +2,12 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
 
 use axum::extract::{Request, State};
-use axum::http::header::{CACHE_CONTROL, HOST, HeaderName, ORIGIN, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS};
+use axum::http::header::{CACHE_CONTROL, HOST, ORIGIN, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 use super::problem::Problem;
-
-static SEC_FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
-static SEC_FETCH_MODE: HeaderName = HeaderName::from_static("sec-fetch-mode");
-static SEC_FETCH_DEST: HeaderName = HeaderName::from_static("sec-fetch-dest");
-static RESOURCE_POLICY: HeaderName = HeaderName::from_static("cross-origin-resource-policy");
 
 /// The names under which the daemon may be called. A page of another site whose name resolves to this machine (DNS
 /// rebinding) sends that name as Host, and is refused.
@@ -94,13 +89,13 @@ impl AllowedHosts {
     /// operator page. To the listener beside it, that page is another site, which its origin has told already.
     fn check_site(&self, request: &Request) -> Result<(), Problem> {
         let headers = request.headers();
-        let is = |name: &HeaderName, wanted: &str| headers.get(name).is_some_and(|value| value == wanted);
-        let own = headers.get_all(&SEC_FETCH_SITE).iter().all(|value| value == "same-origin" || value == "none");
+        let is = |name: &str, wanted: &str| headers.get(name).is_some_and(|value| value == wanted);
+        let own = headers.get_all("sec-fetch-site").iter().all(|value| value == "same-origin" || value == "none");
         let page = self.page_port.is_some() && headers.contains_key(ORIGIN);
         let link = request.method() == Method::GET
             && (request.uri().path().ends_with('/') || request.uri().path() == self.base_path)
-            && is(&SEC_FETCH_MODE, "navigate")
-            && is(&SEC_FETCH_DEST, "document");
+            && is("sec-fetch-mode", "navigate")
+            && is("sec-fetch-dest", "document");
         if own || page || link {
             return Ok(());
         }
@@ -155,7 +150,7 @@ pub async fn guard(State(hosts): State<Arc<AllowedHosts>>, request: Request, nex
     let headers = response.headers_mut();
     headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     headers.insert(REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
-    headers.insert(RESOURCE_POLICY.clone(), HeaderValue::from_static("same-origin"));
+    headers.insert("cross-origin-resource-policy", HeaderValue::from_static("same-origin"));
     headers.entry(CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
     response
 }

@@ -1,5 +1,6 @@
+use axum::Extension;
 use axum::body::Body;
-use axum::http::header::{CONTENT_TYPE, RETRY_AFTER};
+use axum::http::header::RETRY_AFTER;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use schemars::JsonSchema;
@@ -70,7 +71,7 @@ pub struct ProblemDocument {
     pub reasons: Vec<Reason>,
 }
 
-/// A failed request. Becomes a problem document; the outermost layer adds the request's id.
+/// A failed request. The outermost layer makes the problem document, with the request's id.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
     status: StatusCode,
@@ -127,18 +128,15 @@ impl Problem {
     }
 
     /// The document for the request with the id `instance`, as the body of an answer.
-    pub(super) fn body(&self, instance: Option<&str>) -> Body {
-        let instance = instance.map(|id| format!("urn:upm:request:{id}"));
-        let document = ProblemDocument { instance, ..ProblemDocument::clone(&self.document) };
-        Body::from(serde_json::to_vec(&document).unwrap_or_default())
+    pub(super) fn body(mut self, instance: &str) -> Body {
+        self.document.instance = Some(format!("urn:upm:request:{instance}"));
+        Body::from(serde_json::to_vec(&self.document).unwrap_or_default())
     }
 }
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let mut response = (self.status, self.headers.clone(), self.body(None)).into_response();
-        response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(PROBLEM_JSON));
-        response.extensions_mut().insert(self);
-        response
+        let headers = self.headers.clone();
+        (self.status, headers, Extension(self)).into_response()
     }
 }

@@ -1,19 +1,20 @@
-use std::net::TcpListener;
+use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::time::Duration;
 use std::{io, thread};
 
+use axum::extract::ConnectInfo;
 use axum::http::HeaderMap;
 use axum::http::header::AUTHORIZATION;
 use axum::routing::post;
-use axum::{Extension, Json, Router};
+use axum::{Json, Router};
 use serde::Serialize;
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 use tower_http::cors::{AllowOrigin, CorsLayer};
 
 use super::layers::with_layers;
-use super::listen::{Peer, serve};
+use super::listen::serve;
 use super::origin_check::AllowedHosts;
 use super::problem::Problem;
 use super::tokens::{Caller, Scope, Tokens};
@@ -36,7 +37,7 @@ pub fn serve_stops<T: Serialize + Send + 'static>(
     confirm: impl Fn(&Caller) -> T + Send + Sync + 'static,
 ) -> io::Result<()> {
     let both = Arc::new((stop, confirm, Confirmations::start()?));
-    let handler = async move |Extension(Peer(remote)): Extension<Peer>, headers: HeaderMap| {
+    let handler = async move |ConnectInfo(remote): ConnectInfo<SocketAddr>, headers: HeaderMap| {
         let name = tokens.admit(&headers, Scope::Read)?;
         both.0();
         let (doing, caller) = (Arc::clone(&both), Caller { name, remote: Some(remote) });
@@ -81,7 +82,7 @@ impl Confirmations {
 #[cfg(test)]
 mod tests {
     use std::io::{Read, Write};
-    use std::net::{SocketAddr, TcpStream};
+    use std::net::TcpStream;
 
     use super::*;
 

@@ -1,34 +1,31 @@
-use std::io;
+use std::fs;
 
 use rusqlite::{Connection, OptionalExtension, Row, params};
 
 use super::columns::{Json, rows};
 use super::run_folders::size_of;
-use super::{AuditEntry, Job, JobEnd, JobId, JobRow, JobState, JobWithSpec, Store, StoreError, SubmitOutcome, Write};
+use super::{AuditEntry, JobId, JobRow, JobState, Store, StoreError, SubmitOutcome, Write};
 use crate::states::PauseCause;
 use upm_core::files::sync_folder;
-
-/// Makes the run folder of a job and returns its name.
-pub(crate) type MakeFolder<'a> = &'a dyn Fn(&JobRow) -> io::Result<String>;
 
 impl Store {
     /// Queues a job, unless its key was used or its plate's queue is full. `None`, and nothing is stored, when `wanted`
     /// returns false once its turn comes.
-    pub fn accept(&self, job: &JobWithSpec, wanted: impl Fn() -> bool) -> Result<Option<SubmitOutcome>, StoreError> {
+    pub fn accept(&self, job: &JobRow, wanted: impl Fn() -> bool) -> Result<Option<SubmitOutcome>, StoreError> {
         self.write(|write| {
             if !wanted() {
                 return Ok(None);
             }
-            if let Some(key) = &job.row.key
-                && let Some(answered) = repeated(&write.tx, key, &job.row.body_sha256)?
+            if let Some(key) = &job.key
+                && let Some(answered) = repeated(&write.tx, key, &job.body_sha256)?
             {
                 return Ok(Some(answered));
             }
-            let queued = write.queued(&job.row.plate)?;
-            if queued >= self.limits.queued {
+            let queued = write.queued(&job.plate)?;
+            if queued >= self.queue {
                 return Ok(Some(SubmitOutcome::QueueFull { queued }));
             }
-            Ok(Some(SubmitOutcome::New(write.insert(job)?.row)))
+            Ok(Some(SubmitOutcome::New(write.insert(job)?)))
         })
     }
 
@@ -40,9 +37,11 @@ impl Store {
     /// Takes a job out of the queue. The job as it is then, with false for one that was not queued and stays as it is;
     /// `None` when there is no such job.
     pub fn cancel_queued(&self, id: &JobId) -> Result<Option<(JobRow, bool)>, StoreError> {
-        let end = JobEnd::of(JobState::Cancelled, "cancelled before it began");
         self.write(|write| match find(&write.tx, id)? {
-            Some(row) if row.state == JobState::Queued => Ok(Some((self.end(write, row, end, write.at())?, true))),
+            Some(mut row) if row.state == JobState::Queued => {
+                row.job.set_end(JobState::Cancelled, "cancelled before it began");
+                Ok(Some((self.end(write, row, write.at.clone())?, true)))
+            }
             row => Ok(row.map(|row| (row, false))),
         })
     }
@@ -52,7 +51,7 @@ impl Store {
     pub fn move_to_front(&self, id: &JobId) -> Result<Option<JobRow>, StoreError> {
         self.write(|write| {
             let Some(row) = find(&write.tx, id)? else { return Ok(None) };
-            let is_next = write.next_queued(&row.plate)?.is_some_and(|next| next.row.id == *id);
+            let is_next = write.next_queued(&row.plate)?.is_some_and(|next| next.id == *id);
             if row.state != JobState::Queued || is_next {
                 return Ok(Some(row));
             }
@@ -113,113 +112,61 @@ impl Store {
     }
 
     /// Takes the oldest job queued for `plate`: it is `running` on the disk when this returns, and is returned once.
-    pub(crate) fn claim(&self, plate: &str, folder: MakeFolder<'_>) -> Result<Option<JobWithSpec>, StoreError> {
-        self.write(|write| write.next_queued(plate)?.map(|job| self.begin(write, job, folder)).transpose())
+    pub(crate) fn claim(&self, plate: &str) -> Result<Option<JobRow>, StoreError> {
+        self.write(|write| write.next_queued(plate)?.map(|row| self.begin(write, row)).transpose())
     }
 
     /// Begins a run of the standing job `job`, as [`Self::claim`] begins a queued one; `None` while a job is queued for
     /// its plate. A job queued after this returns finds the run begun.
-    pub(crate) fn begin_standing(
-        &self,
-        job: &JobWithSpec,
-        folder: MakeFolder<'_>,
-    ) -> Result<Option<JobWithSpec>, StoreError> {
+    pub(crate) fn begin_standing(&self, job: &JobRow) -> Result<Option<JobRow>, StoreError> {
         self.write(|write| {
-            if write.queued(&job.row.plate)? > 0 {
+            if write.queued(&job.plate)? > 0 {
                 return Ok(None);
             }
-            let mut job = write.insert(job)?;
-            job.row.job.standing = true;
-            self.begin(write, job, folder).map(Some)
+            let mut row = write.insert(job)?;
+            row.job.standing = true;
+            self.begin(write, row).map(Some)
         })
     }
 
-    fn begin(&self, write: &Write<'_>, job: JobWithSpec, folder: MakeFolder<'_>) -> Result<JobWithSpec, StoreError> {
-        let JobWithSpec { mut row, spec_json } = job;
-        row.folder = Some(folder(&row)?);
+    /// Creates the job's own folder before the job is claimed, so that no job is ever without one. An existing folder
+    /// does not prevent the claim: the run checks its contents before anything is written.
+    fn begin(&self, write: &Write<'_>, mut row: JobRow) -> Result<JobRow, StoreError> {
+        let folder = row.run_folder();
+        fs::create_dir_all(self.runs.join(&folder))?;
+        row.folder = Some(folder);
         // a row must never name a folder that a power cut removes
         sync_folder(&self.runs)?;
-        let started_at = Some(write.at().max(row.submitted_at.clone()));
-        row.job = Job { state: JobState::Running, started_at, ..row.job };
+        row.job.started_at = Some(write.at.clone().max(row.submitted_at.clone()));
+        row.job.state = JobState::Running;
         write.update(&row)?;
-        Ok(JobWithSpec { row, spec_json })
+        Ok(row)
     }
 
-    /// Stores the end of a running job; a job that had ended before stays as it is. On a fault the caller must retry
-    /// later, and start nothing on its plate until then. Deletes old run folders.
-    pub(crate) fn finish(&self, id: &JobId, end: &JobEnd) -> Result<(), StoreError> {
-        self.write(|write| match find(&write.tx, id)? {
-            Some(row) if row.state == JobState::Running => self.end(write, row, end.clone(), write.at()).map(drop),
-            Some(_) => Ok(()),
-            None => Err(StoreError::Io(format!("there is no job {id}"))),
+    /// Stores the running job `row` as ended; a job that had ended before stays as it is. On a fault the caller must
+    /// retry later, and start nothing on its plate until then. Deletes old run folders.
+    pub(crate) fn finish(&self, row: &JobRow) -> Result<(), StoreError> {
+        self.write(|write| match find(&write.tx, &row.id)? {
+            Some(before) if before.state != JobState::Running => Ok(()),
+            Some(_) => self.end(write, row.clone(), write.at.clone()).map(drop),
+            None => Err(StoreError::Io(format!("there is no job {}", row.id))),
         })?;
         self.sweep();
         Ok(())
     }
 
-    /// Ends a job at this time, or when it began or was submitted if that is later.
-    pub(super) fn end(&self, write: &Write<'_>, row: JobRow, end: JobEnd, at: String) -> Result<JobRow, StoreError> {
-        let JobRow { job, folder, .. } = &row;
-        let JobEnd { state, reason, report, recording, progress } = end;
-        let progress = if state == JobState::Completed { 1.0 } else { progress };
-        let finished_at = Some(at.max(job.started_at.as_ref().unwrap_or(&job.submitted_at).clone()));
-        let bytes = folder.as_ref().map_or(0, |folder| size_of(&self.runs.join(folder)));
-        let job = Job { state, reason, report, recording, progress, finished_at, ..row.job };
-        let ended = JobRow { job, bytes, ..row };
-        write.update(&ended)?;
-        Ok(ended)
-    }
-}
-
-impl Write<'_> {
-    fn queued(&self, plate: &str) -> rusqlite::Result<usize> {
-        let sql = "SELECT count(*) FROM jobs WHERE plate = ?1 AND state = 'queued'";
-        self.tx.query_row(sql, [plate], |row| row.get(0))
+    /// Stores a job that ended at this time, or when it began or was submitted if that is later.
+    pub(super) fn end(&self, write: &Write<'_>, mut row: JobRow, at: String) -> Result<JobRow, StoreError> {
+        row.bytes = row.folder.as_ref().map_or(0, |folder| size_of(&self.runs.join(folder)));
+        let begun = row.started_at.as_ref().unwrap_or(&row.submitted_at).clone();
+        row.job.finished_at = Some(at.max(begun));
+        if row.state == JobState::Completed {
+            row.job.progress = 1.0;
+        }
+        write.update(&row)?;
+        Ok(row)
     }
 
-    /// The job that `plate` runs next.
-    fn next_queued(&self, plate: &str) -> rusqlite::Result<Option<JobWithSpec>> {
-        let sql = "SELECT job, spec FROM jobs WHERE plate = ?1 AND state = 'queued' ORDER BY turn, id LIMIT 1";
-        let of_row = |row: &Row<'_>| Ok(JobWithSpec { row: job_of(row)?, spec_json: row.get(1)? });
-        self.tx.query_row(sql, [plate], of_row).optional()
-    }
-
-    /// Stores a new job, under a new id and with the time.
-    fn insert(&self, job: &JobWithSpec) -> rusqlite::Result<JobWithSpec> {
-        let mut job = job.clone();
-        let last = self.tx.query_row("SELECT max(id) FROM jobs", [], |row| row.get(0))?;
-        (job.row.job.id, job.row.job.submitted_at) = (JobId::next(last, self.now), self.at());
-        let sql = "INSERT INTO jobs (id, job, spec) VALUES (?1, ?2, ?3)";
-        self.tx.execute(sql, params![job.row.id, Json(&job.row), job.spec_json])?;
-        Ok(job)
-    }
-
-    /// Replaces a job. Its text is deleted once it has left the queue.
-    fn update(&self, row: &JobRow) -> rusqlite::Result<()> {
-        let sql = "UPDATE jobs SET job = ?2, spec = iif(?3, spec, NULL) WHERE id = ?1";
-        self.tx.execute(sql, params![row.id, Json(row), row.state == JobState::Queued]).map(drop)
-    }
-}
-
-/// The earlier answer to a request with this idempotency key; `None` for a new one.
-fn repeated(connection: &Connection, key: &str, body_sha256: &[u8; 32]) -> rusqlite::Result<Option<SubmitOutcome>> {
-    Ok(match connection.query_row("SELECT job FROM jobs WHERE key = ?1", [key], job_of).optional()? {
-        Some(row) if row.body_sha256 == *body_sha256 => Some(SubmitOutcome::Replayed(row)),
-        Some(_) => Some(SubmitOutcome::KeyReused),
-        None => is_of_deleted(connection, key)?.then_some(SubmitOutcome::KeyReused),
-    })
-}
-
-fn find(connection: &Connection, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
-    connection.query_row("SELECT job FROM jobs WHERE id = ?1", [id], job_of).optional()
-}
-
-/// The job in a row whose first column is `job`.
-pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
-    row.get::<_, Json<JobRow>>(0).map(|job| job.0)
-}
-
-impl Store {
     /// Adds an entry to the audit log. No operation changes or removes one.
     pub fn audit(&self, entry: &AuditEntry) -> Result<(), StoreError> {
         self.write(|write| write.audit(entry))
@@ -240,11 +187,39 @@ impl Store {
 }
 
 impl Write<'_> {
+    fn queued(&self, plate: &str) -> rusqlite::Result<usize> {
+        let sql = "SELECT count(*) FROM jobs WHERE plate = ?1 AND state = 'queued'";
+        self.tx.query_row(sql, [plate], |row| row.get(0))
+    }
+
+    /// The job that `plate` runs next, with its text.
+    fn next_queued(&self, plate: &str) -> rusqlite::Result<Option<JobRow>> {
+        let sql = "SELECT job, spec FROM jobs WHERE plate = ?1 AND state = 'queued' ORDER BY turn, id LIMIT 1";
+        let of_row = |row: &Row<'_>| Ok(JobRow { spec_json: row.get(1)?, ..job_of(row)? });
+        self.tx.query_row(sql, [plate], of_row).optional()
+    }
+
+    /// Stores a new job, under a new id and with the time.
+    fn insert(&self, job: &JobRow) -> rusqlite::Result<JobRow> {
+        let mut row = job.clone();
+        let last = self.tx.query_row("SELECT max(id) FROM jobs", [], |row| row.get(0))?;
+        (row.job.id, row.job.submitted_at) = (JobId::next(last, self.now), self.at.clone());
+        let sql = "INSERT INTO jobs (id, job, spec) VALUES (?1, ?2, ?3)";
+        self.tx.execute(sql, params![row.id, Json(&row), row.spec_json])?;
+        Ok(row)
+    }
+
+    /// Replaces a job. Its text is deleted once it has left the queue.
+    fn update(&self, row: &JobRow) -> rusqlite::Result<()> {
+        let sql = "UPDATE jobs SET job = ?2, spec = iif(?3, spec, NULL) WHERE id = ?1";
+        self.tx.execute(sql, params![row.id, Json(row), row.state == JobState::Queued]).map(drop)
+    }
+
     pub(super) fn audit(&self, entry: &AuditEntry) -> Result<(), StoreError> {
         let AuditEntry { plate, act, operator, reason, remote, token_name } = entry;
         let sql = "INSERT INTO audit (at, plate, act, operator, reason, remote, token_name)
                    VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)";
-        self.tx.execute(sql, params![self.at(), plate, act, operator, reason, remote, token_name])?;
+        self.tx.execute(sql, params![self.at, plate, act, operator, reason, remote, token_name])?;
         Ok(())
     }
 
@@ -255,15 +230,31 @@ impl Write<'_> {
     }
 }
 
+/// The earlier answer to a request with this idempotency key; `None` for a new one.
+fn repeated(connection: &Connection, key: &str, body_sha256: &[u8; 32]) -> rusqlite::Result<Option<SubmitOutcome>> {
+    Ok(match connection.query_row("SELECT job FROM jobs WHERE key = ?1", [key], job_of).optional()? {
+        Some(row) if row.body_sha256 == *body_sha256 => Some(SubmitOutcome::Replayed(row)),
+        Some(_) => Some(SubmitOutcome::KeyReused),
+        None => {
+            let sql = "SELECT EXISTS (SELECT 1 FROM audit WHERE act = 'delete' AND reason = ?1)";
+            let is_of_deleted: bool = connection.query_row(sql, [key], |row| row.get(0))?;
+            is_of_deleted.then_some(SubmitOutcome::KeyReused)
+        }
+    })
+}
+
+fn find(connection: &Connection, id: &JobId) -> rusqlite::Result<Option<JobRow>> {
+    connection.query_row("SELECT job FROM jobs WHERE id = ?1", [id], job_of).optional()
+}
+
+/// The job in a row whose first column is `job`.
+pub(super) fn job_of(row: &Row<'_>) -> rusqlite::Result<JobRow> {
+    row.get::<_, Json<JobRow>>(0).map(|job| job.0)
+}
+
 /// True when the daemon that had the store before was shut down in order, or there was none.
 pub(super) fn ended_in_order(connection: &Connection) -> rusqlite::Result<bool> {
     let sql = "SELECT act FROM audit WHERE plate IS NULL AND act IN (?1, ?2) ORDER BY id DESC LIMIT 1";
     let last = connection.query_row(sql, [AuditEntry::STARTED, AuditEntry::ENDED], |row| row.get::<_, String>(0));
     Ok(last.optional()?.is_none_or(|act| act == AuditEntry::ENDED))
-}
-
-/// True when a job with this idempotency key was deleted.
-pub(super) fn is_of_deleted(connection: &Connection, key: &str) -> rusqlite::Result<bool> {
-    let sql = "SELECT EXISTS (SELECT 1 FROM audit WHERE act = 'delete' AND reason = ?1)";
-    connection.query_row(sql, [key], |row| row.get(0))
 }

@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::columns::{Json, rows};
 use super::jobs::{ended_in_order, job_of};
 use super::run_folders::{modified, text_of};
-use super::{AuditEntry, JobEnd, JobState, RecordingStatus, RecoveryReport, Store, StoreError};
+use super::{AuditEntry, Job, JobState, RecordingStatus, RecoveryReport, Store, StoreError};
 use crate::states::PauseCause;
 use upm_core::job::{Outcome, StopCause};
 
@@ -22,29 +22,29 @@ impl Store {
             let tx = &write.tx;
             let left = rows(tx, "SELECT job FROM jobs WHERE state = 'running' ORDER BY id", [], job_of)?;
             let mut found = RecoveryReport { clean: left.is_empty() && ended_in_order(tx)?, ..Default::default() };
-            for job in left {
-                let folder = job.folder.as_ref().map(|name| self.runs.join(name));
+            for mut row in left {
+                let folder = row.folder.as_ref().map(|name| self.runs.join(name));
                 // the last write to its latest file
                 let written = |folder: &Path| FILES.iter().find_map(|name| modified(&folder.join(name)));
-                let at = folder.as_deref().and_then(written).unwrap_or_else(|| write.at());
-                let ended = self.end(write, job, end_of(folder.as_deref()), at)?;
+                let at = folder.as_deref().and_then(written).unwrap_or_else(|| write.at.clone());
+                set_end(&mut row.job, folder.as_deref());
+                let ended = self.end(write, row, at)?;
                 let list = if ended.state == JobState::Interrupted { &mut found.interrupted } else { &mut found.ended };
                 list.push(ended.id);
             }
-            for job in rows(tx, "SELECT job FROM jobs WHERE state = 'queued'", [], job_of)? {
+            let queued = rows(tx, "SELECT job FROM jobs WHERE state = 'queued'", [], job_of)?;
+            for job in &queued {
                 // empty, of a claim that was never stored; one that holds a run stays
                 fs::remove_dir(self.runs.join(job.run_folder())).ok();
             }
             let of_row = |row: &Row<'_>| Ok((row.get(0)?, row.get::<_, Option<Json<_>>>(1)?.map(|pause| pause.0)));
             let before: Vec<(String, Option<PauseCause>)> = rows(tx, "SELECT name, pause FROM plates", [], of_row)?;
-            let waiting: Vec<String> =
-                rows(tx, "SELECT DISTINCT plate FROM jobs WHERE state = 'queued'", [], |row| row.get(0))?;
             for plate in plates {
                 let known = before.iter().find(|(name, _)| name == plate).map(|(_, pause)| pause);
                 let paused = known.and_then(Option::as_ref);
                 let pause = match paused {
                     _ if !found.clean => Some(PauseCause::crashed()),
-                    None if waiting.contains(plate) => Some(PauseCause::restarted()),
+                    None if queued.iter().any(|job| job.plate == *plate) => Some(PauseCause::restarted()),
                     paused => paused.cloned(),
                 };
                 // so that it stays paused if this daemon ends before it is resumed, and the next start knows it
@@ -61,24 +61,24 @@ impl Store {
     }
 }
 
-/// The end of a job that was running: as in its report, if the run wrote one. A run without a report did not close its
+/// Ends a job that was running: as in its report, if the run wrote one. A run without a report did not close its
 /// recording.
-fn end_of(folder: Option<&Path>) -> JobEnd {
-    let report = folder.and_then(|folder| text_of(&folder.join("report.json")));
+fn set_end(job: &mut Job, folder: Option<&Path>) {
+    let report = folder.and_then(|folder| text_of(folder, "report.json"));
     let report: Option<Value> = report.and_then(|text| serde_json::from_str(&text).ok());
     let text = |at: &str| report.as_ref()?.pointer(at)?.as_str();
     let outcome = text("/outcome").and_then(Outcome::of_code);
     let is_recorded = folder.is_some_and(|folder| fs::symlink_metadata(folder.join("run.rrd")).is_ok());
-    let recording = match (outcome, text("/recording")) {
+    job.recording = match (outcome, text("/recording")) {
         _ if !is_recorded => RecordingStatus::None,
         (None, _) => RecordingStatus::Partial,
         (Some(_), Some(_)) => RecordingStatus::Failed,
         (Some(_), None) => RecordingStatus::Whole,
     };
     let Some(outcome) = outcome else {
-        return JobEnd { recording, ..JobEnd::of(JobState::Interrupted, "the daemon ended while it ran") };
+        return job.set_end(JobState::Interrupted, "the daemon ended while it ran");
     };
     let state = JobState::of_end(outcome, text("/stop/code").and_then(StopCause::of_code));
-    let end = JobEnd::of(state, text("/reason").unwrap_or_default());
-    JobEnd { recording, report: report.as_ref().and_then(Value::as_object).cloned(), ..end }
+    job.set_end(state, text("/reason").unwrap_or_default());
+    job.report = report.as_ref().and_then(Value::as_object).cloned();
 }

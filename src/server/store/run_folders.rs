@@ -38,7 +38,7 @@ impl Store {
     fn try_sweep(&self) -> Result<(), StoreError> {
         let of_row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get(1)?));
         let surplus: Vec<(JobId, Option<String>)> =
-            self.read(|connection| rows(connection, SURPLUS_STANDING, [self.limits.standing_runs], of_row))?;
+            self.read(|connection| rows(connection, SURPLUS_STANDING, [self.keep.standing_runs], of_row))?;
         for (id, folder) in surplus {
             if folder.is_none_or(|folder| self.remove_folder(&folder)) {
                 self.write(|write| Ok(write.tx.execute("DELETE FROM jobs WHERE id = ?1", [id])?))?;
@@ -50,7 +50,7 @@ impl Store {
         let ended: Vec<(JobId, String, u64)> = self.read(|connection| rows(connection, sql, [], of_row))?;
         let mut bytes: u64 = ended.iter().map(|(_, _, bytes)| bytes).sum();
         for (id, folder, size) in ended {
-            if bytes <= self.limits.runs_bytes {
+            if bytes <= self.keep.runs_bytes {
                 break;
             }
             if self.remove_folder(&folder) {
@@ -63,9 +63,9 @@ impl Store {
         self.runs_bytes.store(bytes, Ordering::Relaxed);
         let count: u64 =
             self.read(|connection| connection.query_row("SELECT count(*) FROM jobs", [], |row| row.get(0)))?;
-        if count > self.limits.jobs {
+        if count > self.keep.jobs {
             self.write(|write| {
-                Ok(write.tx.execute(SURPLUS_JOBS, params![self.limits.jobs, text_of_time(write.now - KEY_KEPT)])?)
+                Ok(write.tx.execute(SURPLUS_JOBS, params![self.keep.jobs, text_of_time(write.now - KEY_KEPT)])?)
             })?;
         }
         Ok(())
@@ -123,9 +123,9 @@ pub fn open_run_file(folder: &Path, name: &str) -> io::Result<File> {
 }
 
 /// Text of a file in a run folder; `None` when it is missing, is not UTF-8, or exceeds [`MOST_BYTES`].
-pub(super) fn text_of(path: &Path) -> Option<String> {
+pub(super) fn text_of(folder: &Path, name: &str) -> Option<String> {
     let mut text = String::new();
-    let file = open_run_file(path.parent()?, path.file_name()?.to_str()?).ok()?;
+    let file = open_run_file(folder, name).ok()?;
     let read = file.take(MOST_BYTES + 1).read_to_string(&mut text).ok()?;
     (read as u64 <= MOST_BYTES).then_some(text)
 }

@@ -4,13 +4,10 @@ use std::path::Path;
 
 use rusqlite::Connection;
 
-use super::StoreError;
+use super::types::{StoreError, VERSION};
 
 /// SQLite application id, `upm1`: identifies the file as a job store.
 pub(super) const APPLICATION_ID: i32 = 0x7570_6d31;
-
-/// Schema version; a store of another one is refused.
-pub(super) const VERSION: i32 = 4;
 
 /// First bytes of every SQLite database.
 const MAGIC: &[u8] = b"SQLite format 3\0";
@@ -110,5 +107,5 @@ fn header_of(path: &Path) -> Result<Option<(i32, i32)>, StoreError> {
 }
 
 fn other(path: &Path, found: String) -> StoreError {
-    StoreError::Other { file: path.display().to_string(), found, expected: VERSION }
+    StoreError::Other { file: path.display().to_string(), found }
 }

@@ -2,23 +2,24 @@ mod crashes;
 mod queue;
 mod retention;
 
-use std::io;
-use std::path::Path;
+use std::fs::File;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use jiff::Timestamp;
 use parking_lot::MutexGuard;
+use rusqlite::Connection;
 
 use super::{
-    AuditEntry, Job, JobEnd, JobId, JobRow, JobState, JobWithSpec, Opened, Pace, RecordingStatus, RecoveryReport,
-    Store, StoreError, StoreLimits, SubmitOutcome,
+    AuditEntry, Job, JobId, JobRow, JobState, KeepSpec, Pace, RecordingStatus, RecoveryReport, Store, StoreError,
+    SubmitOutcome,
 };
 
 const TIMEOUT: Duration = Duration::from_secs(60);
 const FIXED_TIME: &str = "2027-01-15T08:00:00.000000Z";
 
 /// The turn of one caller.
-pub(crate) struct StoreGuard<'a>(#[allow(dead_code)] MutexGuard<'a, Option<Opened>>);
+pub(crate) struct StoreGuard<'a>(#[allow(dead_code)] MutexGuard<'a, Option<(Connection, File)>>);
 
 impl Store {
     /// Blocks all other callers until the guard is dropped.
@@ -34,7 +35,7 @@ impl Store {
             "DROP TRIGGER fails"
         };
         let opened = self.opened.lock();
-        opened.as_ref().unwrap().connection.execute_batch(sql).unwrap();
+        opened.as_ref().unwrap().0.execute_batch(sql).unwrap();
     }
 
     /// Acts and operators of the audit log of known plates, in its order.
@@ -55,75 +56,82 @@ fn fixed_time() -> Timestamp {
     FIXED_TIME.parse().unwrap()
 }
 
-pub(crate) fn limits() -> StoreLimits {
-    StoreLimits { queued: 64, jobs: 100_000, runs_bytes: 20_000_000_000, standing_runs: 8 }
+/// Most jobs queued for one plate.
+const QUEUE: usize = 30;
+
+pub(crate) fn limits() -> KeepSpec {
+    KeepSpec { jobs: 100_000, runs_bytes: 20_000_000_000, standing_runs: 8 }
 }
 
 fn plates() -> Vec<String> {
     ["a", "b"].map(String::from).to_vec()
 }
 
-fn try_open(data: &Path, limits: StoreLimits) -> Result<(Store, RecoveryReport), StoreError> {
-    Store::open(data, &plates(), limits, fixed_time)
+fn try_open(data: &Path, limits: KeepSpec) -> Result<(Store, RecoveryReport), StoreError> {
+    Store::open(data, &plates(), QUEUE, limits, fixed_time)
 }
 
-fn open(data: &Path, limits: StoreLimits) -> (Store, RecoveryReport) {
+fn open(data: &Path, limits: KeepSpec) -> (Store, RecoveryReport) {
     try_open(data, limits).unwrap()
 }
 
 /// A new store in a new folder.
-fn new_store(limits: StoreLimits) -> (tempfile::TempDir, Store) {
+fn new_store(limits: KeepSpec) -> (tempfile::TempDir, Store) {
     let folder = tempfile::tempdir().unwrap();
     let (store, recovery) = open(folder.path(), limits);
     assert_eq!((recovery.clean, recovery.paused.len()), (true, 0));
     (folder, store)
 }
 
-fn new_job(name: &str, plate: &str) -> JobWithSpec {
+fn new_job(name: &str, plate: &str) -> JobRow {
     let (name, plate, spec_json) = (name.into(), plate.into(), format!("{{\"name\": {name:?}}}"));
     let job = Job { name, plate, seed: u64::MAX, pace: Pace::Max, ..Job::default() };
     let rig_fingerprint = "0123456789abcdef".into();
-    JobWithSpec { row: JobRow { job, rig_fingerprint, body_sha256: [7; 32], ..JobRow::default() }, spec_json }
+    JobRow { job, rig_fingerprint, body_sha256: [7; 32], spec_json, ..JobRow::default() }
 }
 
-fn accept(store: &Store, job: &JobWithSpec) -> SubmitOutcome {
+fn accept(store: &Store, job: &JobRow) -> SubmitOutcome {
     store.accept(job, || true).unwrap().unwrap()
 }
 
 /// Queues a job that must be accepted.
 fn queue(store: &Store, name: &str, plate: &str) -> JobRow {
     match accept(store, &new_job(name, plate)) {
-        SubmitOutcome::New(row) => row,
+        SubmitOutcome::New(row) => without_spec(row),
         other => panic!("{other:?}"),
     }
+}
+
+/// The job as the store shows it.
+fn without_spec(row: JobRow) -> JobRow {
+    JobRow { spec_json: String::new(), ..row }
 }
 
 fn job(store: &Store, id: JobId) -> JobRow {
     store.job(&id).unwrap().unwrap()
 }
 
-/// Creates a run folder like a plate does, called like the job.
-fn folder(store: &Store) -> impl Fn(&JobRow) -> io::Result<String> {
-    let runs = store.runs().to_owned();
-    move |row| {
-        std::fs::create_dir(runs.join(&row.name))?;
-        Ok(row.name.clone())
-    }
+/// The run folder of a job that has begun.
+fn folder(store: &Store, row: &JobRow) -> PathBuf {
+    store.runs().join(row.folder.as_ref().unwrap())
 }
 
-fn claim(store: &Store, plate: &str) -> Option<JobWithSpec> {
-    store.claim(plate, &folder(store)).unwrap()
+fn claim(store: &Store, plate: &str) -> Option<JobRow> {
+    store.claim(plate).unwrap()
 }
 
 /// Queues a job and claims it for its plate.
 fn begin(store: &Store, name: &str, plate: &str) -> JobRow {
     queue(store, name, plate);
-    claim(store, plate).unwrap().row
+    claim(store, plate).unwrap()
 }
 
-fn end(state: JobState) -> JobEnd {
-    let (reason, report) = ("so it went".into(), Some(Default::default()));
-    JobEnd { state, reason, report, recording: RecordingStatus::Whole, progress: 0.25 }
+/// Ends a job, if there is one, like its plate does.
+fn finish(store: &Store, id: &JobId, state: JobState) -> Result<(), StoreError> {
+    let mut row = store.job(id)?.unwrap_or_default();
+    row.job.set_end(state, "so it went");
+    row.job = Job { report: Some(Default::default()), recording: RecordingStatus::Whole, progress: 0.25, ..row.job };
+    store.finish(&row)
 }
 
 /// A store killed now and opened again, on a copy of its files.

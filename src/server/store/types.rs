@@ -49,7 +49,14 @@ pub struct Job {
     pub turn: i64,
 }
 
-/// A job in the store, without its text (see [`JobWithSpec`]).
+impl Job {
+    /// Sets how the job ended.
+    pub(crate) fn set_end(&mut self, state: JobState, reason: impl Into<String>) {
+        (self.state, self.reason) = (state, reason.into());
+    }
+}
+
+/// A job in the store.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JobRow {
     /// The job as clients see it. Its times rise: where the wall clock was set back in between, they are equal.
@@ -64,6 +71,9 @@ pub struct JobRow {
     pub folder: Option<String>,
     /// Bytes in its run folder, once it has ended.
     pub bytes: u64,
+    /// The job as JSON, every default written out, the rig left out. The store gives it back only to run the job.
+    #[serde(skip)]
+    pub spec_json: String,
 }
 
 impl Deref for JobRow {
@@ -79,37 +89,6 @@ impl JobRow {
     pub fn run_folder(&self) -> String {
         // 64 letters may have 256 bytes, more than the name of a folder
         format!("{}-{}", &self.name[..self.name.floor_char_boundary(200)], self.id)
-    }
-}
-
-/// A validated job with its text. It has no id before it is accepted.
-#[derive(Clone, Debug, PartialEq)]
-pub struct JobWithSpec {
-    /// The job.
-    pub row: JobRow,
-    /// The job as JSON, every default written out, the rig left out.
-    pub spec_json: String,
-}
-
-/// How a job ended, with its report and the state of its recording.
-#[derive(Clone, Debug, PartialEq)]
-pub struct JobEnd {
-    /// A final state.
-    pub state: JobState,
-    /// Reason, as text.
-    pub reason: String,
-    /// `report.json` of its run; `None` where it left none.
-    pub report: Option<Map<String, Value>>,
-    /// State of its recording.
-    pub recording: RecordingStatus,
-    /// Share of the job that was done, 0 to 1.
-    pub progress: f64,
-}
-
-impl JobEnd {
-    /// The end of a job without report and recording.
-    pub(crate) fn of(state: JobState, reason: impl Into<String>) -> Self {
-        Self { state, reason: reason.into(), report: None, recording: RecordingStatus::None, progress: 0.0 }
     }
 }
 
@@ -169,6 +148,9 @@ impl AuditEntry {
     }
 }
 
+/// Schema version; a store of another one is refused.
+pub(super) const VERSION: i32 = 4;
+
 /// Why the store did not fulfil a request.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StoreError {
@@ -182,14 +164,12 @@ pub enum StoreError {
     #[error("the job store is damaged: {0}")]
     Corrupt(String),
     /// The file is no job store of this version; it is left untouched.
-    #[error("{file}: expected a job store of version {expected}, found {found}: choose another data folder")]
+    #[error("{file}: expected a job store of version {}, found {found}: choose another data folder", VERSION)]
     Other {
         /// The database.
         file: String,
         /// Its kind or version.
         found: String,
-        /// The version of this program.
-        expected: i32,
     },
     /// The store was closed; it no longer reads or writes.
     #[error("the job store is closed")]
@@ -209,17 +189,4 @@ pub struct RecoveryReport {
     pub paused: Vec<(String, PauseCause)>,
     /// True when the daemon had been shut down in order, and had left no job on a plate.
     pub clean: bool,
-}
-
-/// Limits of the store's contents.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StoreLimits {
-    /// Most jobs queued for one plate.
-    pub queued: usize,
-    /// Most jobs stored. The oldest ended ones are deleted first.
-    pub jobs: u64,
-    /// Most bytes of run folders of ended jobs.
-    pub runs_bytes: u64,
-    /// Ended runs of standing jobs that are kept for each plate, with their folders.
-    pub standing_runs: u64,
 }

@@ -37,14 +37,14 @@ struct JobSlot {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct RunningJob {
+pub(crate) struct RunningJob {
     pub job: JobId,
     /// True for a run of the standing job.
     pub standing: bool,
     pub recording: RecordingHandle,
     pub journal: WriterStatus,
     /// Deadlines that the plate had missed before it.
-    missed_before: u64,
+    pub missed_before: u64,
     /// The requested end; `None` while none was requested.
     cause: Option<ExternalStop>,
 }
@@ -64,24 +64,14 @@ impl CurrentJob {
         turn.running = Some(RunningJob { job, standing, recording, journal, missed_before, cause });
     }
 
-    /// True while `job` is on the plate.
-    pub fn is(&self, job: &JobId) -> bool {
-        self.turn.lock().running.as_ref().is_some_and(|running| running.job == *job)
-    }
-
     /// True while `job` is on the plate, and after it until the next one begins.
     pub fn is_newest(&self, job: &JobId) -> bool {
         let turn = self.turn.lock();
         turn.running.as_ref().map(|running| running.job).or(turn.last) == Some(*job)
     }
 
-    /// Deadlines that the job on the plate has missed; zero without one.
-    pub(super) fn misses(&self) -> u64 {
-        self.running().map_or(0, |running| self.pacing.misses().saturating_sub(running.missed_before))
-    }
-
     /// The job on the plate.
-    pub(super) fn running(&self) -> Option<RunningJob> {
+    pub fn running(&self) -> Option<RunningJob> {
         self.turn.lock().running.clone()
     }
 
@@ -89,7 +79,7 @@ impl CurrentJob {
     /// to be written.
     pub fn driven(&self) -> Option<(JobId, WriterStatus)> {
         let turn = self.turn.lock();
-        let running = turn.running.as_ref().filter(|_| !self.heartbeat.is_over())?;
+        let running = turn.running.as_ref().filter(|_| self.heartbeat.is_driven())?;
         Some((running.job, running.journal.clone()))
     }
 
@@ -128,7 +118,7 @@ impl CurrentJob {
     /// must not end the next job, nor stop an idle plate.
     pub fn fail(&self, job: &JobId, why: ExternalStop, cut: impl FnOnce()) {
         let mut turn = self.turn.lock();
-        let driven = turn.running.as_mut().filter(|running| running.job == *job && !self.heartbeat.is_over());
+        let driven = turn.running.as_mut().filter(|running| running.job == *job && self.heartbeat.is_driven());
         if let Some(running) = driven {
             running.cause.get_or_insert(why);
             self.end_run.store(true, Ordering::SeqCst);
@@ -144,7 +134,7 @@ impl CurrentJob {
     }
 
     /// The newest observation of the parts, and when it was made.
-    pub(super) fn seen(&self) -> (Observation, Option<Duration>) {
+    pub fn seen(&self) -> (Observation, Option<Duration>) {
         self.seen.lock().clone()
     }
 }

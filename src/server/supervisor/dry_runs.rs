@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use parking_lot::Mutex;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use upm_core::background::{BackgroundThread, WaitError};
+use upm_core::thread_priority::lower_thread_priority;
 use upm_planning::cor_library::Library;
 use upm_runner::config::{Diagnostic, JobSpec};
 use upm_runner::run::{Forecast, ForecastSummary, dry_run};
@@ -34,9 +35,9 @@ struct Started {
     text: String,
     asked_at: Duration,
     stop: Arc<AtomicBool>,
-    progress: Arc<Mutex<f64>>,
-    thread: BackgroundThread<Result<Forecast, Diagnostic>>,
-    forecast: Option<ForecastSummary>,
+    /// How far they are, or the fault that ended them.
+    state: Arc<Mutex<Result<DryRunState, Diagnostic>>>,
+    thread: JoinHandle<()>,
 }
 
 /// Reason for which there is no answer about a dry run.
@@ -58,45 +59,41 @@ impl DryRunSlot {
         now: Duration,
     ) -> Result<DryRunState, DryRunError> {
         let mut slot = self.0.lock();
-        if let Some(other) = slot.take_if(|started| started.text != text) {
-            if other.thread.wait_within(Duration::ZERO).err() == Some(WaitError::Hangs)
-                && now.saturating_sub(other.asked_at) < LEFT_AFTER
-            {
+        let mut started = match slot.take() {
+            Some(started) if started.text == text => started,
+            Some(other) if !other.thread.is_finished() && now.saturating_sub(other.asked_at) < LEFT_AFTER => {
                 *slot = Some(other);
                 return Err(DryRunError::Busy);
             }
-            other.stop.store(true, Ordering::Relaxed);
-        }
-        if slot.is_none() {
-            *slot = Some(Started::new(text, job, Arc::clone(library)).map_err(|_| DryRunError::Failed)?);
-        }
-        let Some(started) = slot.as_mut() else { return Err(DryRunError::Failed) };
-        started.asked_at = now;
-        if started.forecast.is_none() {
-            match started.thread.wait_within(Duration::ZERO) {
-                Err(WaitError::Hangs) => {}
-                Ok(Ok(forecast)) => started.forecast = Some((&forecast).into()),
-                Ok(Err(fault)) => {
-                    *slot = None;
-                    return Err(DryRunError::Refused(fault));
-                }
-                Err(WaitError::Died) => {
-                    *slot = None;
-                    return Err(DryRunError::Failed);
-                }
+            other => {
+                other.iter().for_each(|other| other.stop.store(true, Ordering::Relaxed));
+                Started::new(text, job, Arc::clone(library)).map_err(|_| DryRunError::Failed)?
             }
+        };
+        started.asked_at = now;
+        // before the state is read: a thread that has ended without a forecast has died
+        let has_ended = started.thread.is_finished();
+        let state = started.state.lock().clone().map_err(DryRunError::Refused)?;
+        if has_ended && state.forecast.is_none() {
+            return Err(DryRunError::Failed);
         }
-        let progress = if started.forecast.is_some() { 1.0 } else { *started.progress.lock() };
-        Ok(DryRunState { progress, forecast: started.forecast.clone() })
+        *slot = Some(started);
+        Ok(state)
     }
 }
 
 impl Started {
     fn new(text: &str, job: JobSpec, library: Arc<Library>) -> std::io::Result<Self> {
-        let (stop, progress) = (Arc::<AtomicBool>::default(), Arc::<Mutex<f64>>::default());
-        let (stopped, done) = (Arc::clone(&stop), Arc::clone(&progress));
-        let run = move || dry_run(&job, &[], &library, &stopped, &mut |_, share| *done.lock() = share);
-        let thread = BackgroundThread::start("dry-run", true, run)?;
-        Ok(Self { text: text.to_owned(), asked_at: Duration::ZERO, stop, progress, thread, forecast: None })
+        let (stop, state) = (Arc::<AtomicBool>::default(), Arc::new(Mutex::new(Ok(DryRunState::default()))));
+        let (stopped, shown) = (Arc::clone(&stop), Arc::clone(&state));
+        let run = move || {
+            lower_thread_priority();
+            let mut go_on = |_, progress| *shown.lock() = Ok(DryRunState { progress, forecast: None });
+            let forecast = dry_run(&job, &[], &library, &stopped, &mut go_on);
+            let ended = |forecast: Forecast| DryRunState { progress: 1.0, forecast: Some((&forecast).into()) };
+            *shown.lock() = forecast.map(ended);
+        };
+        let thread = thread::Builder::new().name("dry-run".into()).spawn(run)?;
+        Ok(Self { text: text.to_owned(), asked_at: Duration::ZERO, stop, state, thread })
     }
 }

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use parking_lot::Mutex;
 
 use crate::states::{StandingJob, StandingState};
-use crate::store::{Job, JobRow, JobWithSpec, Pace};
+use crate::store::{Job, JobRow, Pace};
 use upm_core::document::counted;
 use upm_planning::cor_library::Library;
 use upm_runner::config::{Diagnostic, JobSpec, Origin, Path, RigSpec, StandingSpec};
@@ -27,12 +27,12 @@ pub(crate) struct JobRules {
 
 impl JobRules {
     /// A submitted job, checked completely: its text and whether its parts fit on the plate.
-    pub fn validated(&self, text: &str, pace: Pace) -> Result<JobWithSpec, Vec<Diagnostic>> {
+    pub fn validated(&self, text: &str, pace: Pace) -> Result<JobRow, Vec<Diagnostic>> {
         let spec = self.checked(text)?;
         let (name, plate) = (spec.name.clone(), self.plate.clone());
         let job = Job { name, plate, seed: spec.seed(), pace, ..Job::default() };
-        let row = JobRow { job, rig_fingerprint: self.rig.fingerprint.clone(), ..JobRow::default() };
-        Ok(JobWithSpec { row, spec_json: spec.effective_without_rig().to_string() })
+        let (rig_fingerprint, spec_json) = (self.rig.fingerprint.clone(), spec.effective_without_rig().to_string());
+        Ok(JobRow { job, rig_fingerprint, spec_json, ..JobRow::default() })
     }
 
     /// The job in `text`, if it may be queued.
@@ -59,11 +59,11 @@ const STARTS_PAUSED: &str = "it starts paused, as the configuration says";
 /// The standing job of a plate: runs whenever the plate's queue is empty, and gives way to every queued job.
 #[derive(Debug)]
 pub(super) struct Standing {
-    pub job: JobWithSpec,
+    pub job: JobRow,
     /// Set when a job is queued: the standing run then ends between two cycles.
     pub give_way: AtomicBool,
     /// Reason of its pause; `None` when it is not paused.
-    paused: Mutex<Option<String>>,
+    pub paused: Mutex<Option<String>>,
     /// Reason for which it waits, apart from its turn and a pause.
     held: Mutex<Option<String>>,
 }
@@ -79,16 +79,6 @@ impl Standing {
         Ok(Self { job, give_way: AtomicBool::new(false), paused, held: Mutex::default() })
     }
 
-    /// Reason of its pause; `None` when it is not paused.
-    pub fn paused(&self) -> Option<String> {
-        self.paused.lock().clone()
-    }
-
-    /// Pauses it, or resumes it with `None`.
-    pub fn pause(&self, why: Option<String>) {
-        *self.paused.lock() = why;
-    }
-
     /// Sets the reason for which it may not begin, apart from its turn. True when it could begin before or can now.
     pub fn hold(&self, why: Option<String>) -> bool {
         let mut held = self.held.lock();
@@ -99,11 +89,11 @@ impl Standing {
 
     /// The state of the standing job now, on the plate or not.
     pub fn snapshot(&self, is_running: bool) -> StandingJob {
-        let (state, why) = match (is_running, self.paused()) {
+        let (state, why) = match (is_running, self.paused.lock().clone()) {
             (true, _) => (StandingState::Running, None),
             (false, Some(why)) => (StandingState::Paused, Some(why)),
             (false, None) => (StandingState::Waiting, self.held.lock().clone()),
         };
-        StandingJob { name: self.job.row.name.clone(), state, why: why.unwrap_or_default() }
+        StandingJob { name: self.job.name.clone(), state, why: why.unwrap_or_default() }
     }
 }

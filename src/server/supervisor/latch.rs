@@ -4,7 +4,7 @@
 //! invalid file counts as stopped, and so does the missing file of a plate that the store knows. With one that cannot
 //! be opened the daemon does not start.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -110,17 +110,10 @@ fn is_released(file: &File) -> bool {
     whole && text == RELEASED
 }
 
-/// Creates the folder of the latch files durably: a power cut does not remove it.
-pub(super) fn make_folder(folder: &Path) -> io::Result<()> {
-    if folder.is_dir() {
-        return Ok(());
-    }
-    fs::create_dir_all(folder)?;
-    folder.parent().map_or(Ok(()), sync_folder)
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn open(folder: &Path, known: bool) -> Latch {

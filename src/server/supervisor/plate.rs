@@ -1,5 +1,5 @@
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::sync_channel;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Arc, OnceLock};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -19,13 +19,9 @@ use upm_core::job::{LayoutPart, StopRequest};
 use upm_core::rig::{PartKind, Trip};
 use upm_core::time::{Clock, MonotonicClock};
 use upm_core::units::mm_from_m;
-use upm_recording::RecordingState;
+use upm_recording::{RecordingState, RerunMode};
 use upm_runner::config::KindSpec;
 use upm_runner::run::ExternalStop;
-
-/// Longest waits of an emergency stop for the motors to be silent, for the latch file and for the audit log.
-const MOTORS_OFF_WITHIN: Duration = Duration::from_millis(400);
-const PERSISTED_WITHIN: Duration = Duration::from_millis(400);
 
 /// Most threads of a plate that write emergency stops, more than all doors confirm at once; a disk that hangs has no
 /// more of them.
@@ -37,7 +33,6 @@ const ESTOP: &str = "estop";
 /// One plate, shared by its threads and its callers.
 #[derive(Debug)]
 pub struct PlateHandle {
-    pub(super) name: String,
     pub(super) clock: MonotonicClock,
     /// The thread that runs its jobs.
     pub(super) worker: OnceLock<JoinHandle<()>>,
@@ -49,6 +44,12 @@ pub struct PlateHandle {
     /// True once the daemon is shutting down.
     pub(super) ending: AtomicBool,
     pub(super) preview: FramePreview,
+    /// Destination of the runs' recordings.
+    pub(super) rerun: RerunMode,
+    /// Free bytes below which the standing job waits.
+    pub(super) min_free_bytes: u64,
+    /// True if the plate pauses after each job.
+    pub(super) waits_after_jobs: bool,
     /// The standing job.
     pub(super) standing: Option<Standing>,
     /// The cause of the plate's pause; `None` when it is not paused.
@@ -59,8 +60,8 @@ pub struct PlateHandle {
     pub(super) pausing: Mutex<()>,
     /// The last pause, or its end, that could not be written to the store.
     pub(super) unnoted: Mutex<Option<AuditEntry>>,
-    /// Threads that write an emergency stop to the disk.
-    pub(super) recorders: AtomicUsize,
+    /// Held by each thread that writes an emergency stop to the disk.
+    pub(super) recorders: Arc<()>,
     /// How often its worker has found no work.
     #[cfg(test)]
     pub(super) idled: std::sync::atomic::AtomicU64,
@@ -80,7 +81,7 @@ impl PlateHandle {
     /// Pauses the plate, over a restart, too.
     pub(super) fn pause(&self, why: PauseCause) {
         let _order = self.pausing.lock();
-        let entry = AuditEntry::of_plate(&self.name, AuditEntry::PAUSE, &why.why);
+        let entry = AuditEntry::of_plate(self.name(), AuditEntry::PAUSE, &why.why);
         let before = self.paused.lock().replace(why.clone());
         *self.resumed_by.lock() = None;
         if before != Some(why) {
@@ -99,17 +100,14 @@ impl PlateHandle {
     fn note_pausing(&self, entry: AuditEntry) {
         *self.unnoted.lock() = Some(entry);
         if !self.note_again() {
-            tracing::error!(plate = self.name, "a pause or its end is not on the disk yet");
+            tracing::error!(plate = self.name(), "a pause or its end is not on the disk yet");
         }
     }
 
     /// Writes the last pause, or its end, to the store if it is not there; false when it still is not.
     pub(super) fn note_again(&self) -> bool {
         let mut unnoted = self.unnoted.lock();
-        if unnoted.as_ref().is_some_and(|entry| self.store.set_pause(&self.name, self.paused().as_ref(), entry).is_ok())
-        {
-            *unnoted = None;
-        }
+        unnoted.take_if(|entry| self.store.set_pause(self.name(), self.paused().as_ref(), entry).is_ok());
         unnoted.is_none()
     }
 
@@ -139,6 +137,7 @@ impl PlateHandle {
         self.ending.store(true, Ordering::SeqCst);
         self.emergency_stop.interlock.trip(Trip::Shutdown);
         self.job.end_run.store(true, Ordering::SeqCst);
+        self.wake();
     }
 
     /// The state of the plate now, without the number of jobs queued for it.
@@ -156,6 +155,7 @@ impl PlateHandle {
             (false, Some(pause), None) => (PlateState::Paused, pause.why.clone(), Some(pause)),
             (false, None, None) => (PlateState::Idle, String::new(), None),
         };
+        let misses = self.job.pacing.misses();
         let stands = running.as_ref().is_some_and(|running| running.standing);
         let recording = running.as_ref().map(|running| running.recording.state());
         let kind = |spec: &KindSpec| {
@@ -163,18 +163,18 @@ impl PlateHandle {
             LayoutPart { id: String::new(), kind: name.clone(), radius_m: *radius_m }
         };
         Plate {
-            name: self.name.clone(),
+            name: self.name().to_owned(),
             state,
             why,
             pause,
             resumed_by: self.resumed_by.lock().clone(),
-            job: running.map(|running| running.job.to_string()),
+            job: running.as_ref().map(|running| running.job.to_string()),
             standing_job: self.standing.as_ref().map(|standing| standing.snapshot(stands)),
             age_s: at.map(|at| self.clock.elapsed().saturating_sub(at).as_secs_f64()),
             side_mm: mm_from_m(self.rules.rig.model.plate_side_m),
             kinds: self.rules.rig.kinds.iter().map(kind).collect(),
-            deadline_misses: self.job.pacing.misses(),
-            job_deadline_misses: self.job.misses(),
+            deadline_misses: misses,
+            job_deadline_misses: running.map_or(0, |running| misses.saturating_sub(running.missed_before)),
             behind_s: self.job.pacing.behind().as_secs_f64(),
             recording_mb: match recording {
                 Some(RecordingState::Writing { bytes }) => Some(bytes as f64 * 1e-6),
@@ -189,7 +189,7 @@ impl PlateHandle {
 
     /// Name of the plate, as in the configuration.
     pub fn name(&self) -> &str {
-        &self.name
+        &self.rules.plate
     }
 
     /// Stops the plate: motors to zero, the job ends, and nothing moves until an operator resets it. Never waits for
@@ -200,33 +200,26 @@ impl PlateHandle {
         changed
     }
 
-    /// Writes the stop to the disk, then to the audit log. Waits briefly for the motors and for both. False when the
-    /// stop is not on the disk by then: it holds all the same. A frozen disk holds the writing thread for as long as it
-    /// is frozen.
-    pub fn record_estop(self: &Arc<Self>, who: AuditEntry) -> bool {
-        self.emergency_stop.interlock.wait_until_motors_off(MOTORS_OFF_WITHIN);
+    /// Has a thread write the stop to the disk, then to the audit log. It tells whether the stop is on the disk, and
+    /// hangs up once both are done; the stop holds all the same. A frozen disk holds that thread for as long as it is
+    /// frozen.
+    pub fn record_estop(self: &Arc<Self>, who: AuditEntry) -> Receiver<bool> {
         let (shared, entry) = (Arc::clone(self), self.audit_entry(ESTOP, who));
-        let (sender, written) = sync_channel(2);
-        if self.recorders.fetch_add(1, Ordering::SeqCst) >= RECORDERS {
-            self.recorders.fetch_sub(1, Ordering::SeqCst);
+        let (sender, written) = sync_channel(1);
+        let place = Arc::clone(&self.recorders);
+        if Arc::strong_count(&place) > RECORDERS + 1 {
             tracing::error!("not in the audit log, since the disk does not answer: {entry:?}");
-            return false;
+            return written;
         }
         let record = move || {
             sender.try_send(shared.emergency_stop.persist()).ok();
             shared.note(&entry);
-            shared.recorders.fetch_sub(1, Ordering::SeqCst);
+            drop(place);
         };
         if let Err(error) = thread::Builder::new().name("latch".into()).spawn(record) {
-            self.recorders.fetch_sub(1, Ordering::SeqCst);
             tracing::error!("an emergency stop cannot be written to the disk: {error}");
         }
-        let is_persisted = written.recv_timeout(PERSISTED_WITHIN).unwrap_or(false);
-        if is_persisted {
-            // ends with the thread
-            written.recv_timeout(PERSISTED_WITHIN).ok();
-        }
-        is_persisted
+        written
     }
 
     /// Writes what could not be written before: the latch, and the last pause or its end. False when something still is
@@ -270,11 +263,11 @@ impl PlateHandle {
             return false;
         }
         let standing = self.standing.as_ref();
-        if self.paused().is_some() || standing.is_some_and(|standing| standing.paused().is_some()) {
+        if self.paused().is_some() || standing.is_some_and(|standing| standing.paused.lock().is_some()) {
             self.go_on(self.audit_entry(AuditEntry::RESUME, who));
         }
         if let Some(standing) = standing {
-            standing.pause(None);
+            *standing.paused.lock() = None;
         }
         self.wake();
         true
@@ -307,20 +300,15 @@ impl PlateHandle {
         self.preview.latest(self.clock.elapsed(), oldest)
     }
 
-    /// Share of job `id` that is done, 0 to 1, while it is on the plate.
-    pub fn progress_of(&self, id: &JobId) -> Option<f64> {
-        self.job.is(id).then(|| self.job.seen().0.progress)
-    }
-
     /// Logs an operation; returns the entry for the audit log.
     fn audit_entry(&self, act: &str, who: AuditEntry) -> AuditEntry {
         let AuditEntry { operator, reason, remote, token_name, .. } = &who;
-        let plate = &self.name;
+        let plate = self.name();
         if act == ESTOP {
             tracing::warn!(plate, operator, reason, remote, token_name, "{act}");
         } else {
             tracing::info!(plate, operator, reason, remote, token_name, "{act}");
         }
-        AuditEntry { plate: Some(plate.clone()), act: act.to_owned(), ..who }
+        AuditEntry { plate: Some(plate.to_owned()), act: act.to_owned(), ..who }
     }
 }

@@ -8,18 +8,16 @@ use upm_core::geometry::Vec2;
 use upm_core::time::{Clock, PlateTime};
 use upm_core::units::{mm_from_m, places_mm};
 use upm_perception::vision::{Table, Track};
-use upm_recording::{RecordingHandle, RecordingOptions, WriterStatus};
+use upm_recording::RecordingOptions;
 
 /// Observes a run for clients. It is called on the plate's own thread, so it never waits: what finds a lock held by
 /// another thread is dropped.
 pub(super) struct RunObserver<'a> {
     shared: &'a PlateHandle,
-    clock: &'a dyn Clock,
     observation: Observation,
     targets_m: Vec<Vec2>,
     table: Option<Table>,
-    recording: RecordingHandle,
-    journal: WriterStatus,
+    options: &'a RecordingOptions,
     /// Ends a run of an endless standing job, which then begins again; `None` for other jobs.
     pub begin_again: Option<&'a AtomicBool>,
 }
@@ -28,21 +26,20 @@ pub(super) struct RunObserver<'a> {
 const STANDING_BYTES: u64 = 32_000_000;
 
 impl<'a> RunObserver<'a> {
-    pub fn new(shared: &'a PlateHandle, clock: &'a dyn Clock, radii_m: Vec<f64>, options: &RecordingOptions) -> Self {
-        let (recording, journal) = (options.recording.clone(), options.journal.clone());
+    pub fn new(shared: &'a PlateHandle, radii_m: Vec<f64>, options: &'a RecordingOptions) -> Self {
         let radii_mm = radii_m.into_iter().map(mm_from_m).collect();
         let observation = Observation { radii_mm, ..Observation::default() };
-        Self { shared, clock, observation, targets_m: Vec::new(), table: None, recording, journal, begin_again: None }
+        Self { shared, observation, targets_m: Vec::new(), table: None, options, begin_again: None }
     }
 
     /// Keeps the files of the run within their bounds, however long it is.
     fn bound_files(&self) {
-        let bytes = self.recording.bytes();
-        if let Some(begin_again) = self.begin_again.filter(|_| bytes + self.journal.bytes() > STANDING_BYTES) {
+        let bytes = self.options.recording.bytes();
+        if let Some(begin_again) = self.begin_again.filter(|_| bytes + self.options.journal.bytes() > STANDING_BYTES) {
             begin_again.store(true, Ordering::SeqCst);
         }
-        if bytes > self.shared.store.limits.runs_bytes {
-            self.recording.fail("it alone is larger than `keep.runs_gb` allows all to be");
+        if bytes > self.shared.store.keep.runs_bytes {
+            self.options.recording.fail("it alone is larger than `keep.runs_gb` allows all to be");
         }
     }
 
@@ -70,11 +67,11 @@ impl Sink for RunObserver<'_> {
     fn localised(&mut self, facts: &LocalisedFacts<'_>) {
         self.table = Some(facts.table.clone());
         self.see(facts.frame.exposed_at, facts.detections.iter().map(|part| part.position_m));
-        self.shared.job.set_observation(&self.observation, self.clock.elapsed());
+        self.shared.job.set_observation(&self.observation, self.shared.clock.elapsed());
     }
 
     fn frame(&mut self, facts: &FrameFacts<'_>) {
-        let now = self.clock.elapsed();
+        let now = self.shared.clock.elapsed();
         self.see(facts.frame.exposed_at, facts.tracks.iter().map(|track| track.seen.position_m));
         // while control waits for a part to be seen, it limits that wait itself
         let part_in_sight = facts.blind || facts.tracks.iter().any(|track| track.frames_unseen == 0);

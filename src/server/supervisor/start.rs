@@ -1,5 +1,6 @@
+use std::fs;
 use std::io;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -10,11 +11,11 @@ use super::PlateHandle;
 use super::current_job::CurrentJob;
 use super::emergency_stop::EmergencyStop;
 use super::job_rules::{JobRules, Standing};
-use super::latch::{Latch, make_folder};
+use super::latch::Latch;
 use super::preview::FramePreview;
 use super::watchdog::{TICK, Watchdog, ms};
-use super::worker::PlateWorker;
 use crate::store::{RecoveryReport, Store};
+use upm_core::files::sync_folder;
 use upm_core::rig::Interlock;
 use upm_core::time::{Clock, MonotonicClock};
 use upm_planning::cor_library::Library;
@@ -45,12 +46,14 @@ impl PlateSupervisor {
         clock: MonotonicClock,
     ) -> io::Result<Self> {
         let latches = daemon.data.join("latch");
-        make_folder(&latches)?;
+        fs::create_dir_all(&latches)?;
+        // without this a power cut could remove it
+        sync_folder(&daemon.data)?;
         let start = |(spec, library): (&PlateSpec, Arc<Library>)| -> io::Result<Arc<PlateHandle>> {
-            let (name, rig) = (spec.name.clone(), spec.rig.clone());
+            let PlateSpec { name, rig, waits_after_jobs, .. } = spec.clone();
             let latch = Latch::open(&latches, &name, recovery.known.contains(&name))?;
             let paused = recovery.paused.iter().find(|(of, _)| *of == name).map(|(_, pause)| pause.clone());
-            let rules = JobRules { plate: name.clone(), rig, library, allow_faults: daemon.allow_faults };
+            let rules = JobRules { plate: name, rig, library, allow_faults: daemon.allow_faults };
             let standing = spec.standing.as_ref().map(|standing| Standing::new(standing, daemon.pace, &rules));
             let standing = standing.transpose()?;
             let job = CurrentJob::default();
@@ -64,21 +67,20 @@ impl PlateSupervisor {
                 job,
                 ending: AtomicBool::new(false),
                 preview: FramePreview::default(),
+                rerun: daemon.rerun.clone().unwrap_or(USUAL_MODE),
+                min_free_bytes: daemon.min_free_bytes,
+                waits_after_jobs,
                 standing,
                 paused: Mutex::new(paused),
                 resumed_by: Mutex::default(),
                 pausing: Mutex::default(),
                 unnoted: Mutex::default(),
-                recorders: AtomicUsize::new(0),
+                recorders: Arc::default(),
                 #[cfg(test)]
                 idled: AtomicU64::new(0),
-                name,
             });
-            let rerun = daemon.rerun.clone().unwrap_or(USUAL_MODE);
-            let (shared, min_free_bytes) = (Arc::clone(&plate), daemon.min_free_bytes);
-            let worker = PlateWorker { shared, rerun, min_free_bytes, waits_after_jobs: spec.waits_after_jobs };
-            let thread = thread::Builder::new().name(format!("plate-{}", plate.name));
-            let worker = thread.spawn(move || worker.work())?;
+            let (thread, shared) = (thread::Builder::new().name(format!("plate-{}", plate.name())), Arc::clone(&plate));
+            let worker = thread.spawn(move || shared.work())?;
             plate.worker.get_or_init(|| worker);
             Ok(plate)
         };
@@ -121,10 +123,7 @@ impl PlateSupervisor {
     /// Shuts all plates down: motors to zero, runs ended as interrupted, threads ended. Waits at most `within`; returns
     /// the names of the plates that did not end in time.
     pub fn shutdown(&self, within: Duration) -> Vec<String> {
-        for plate in &self.plates {
-            plate.shut_down();
-            plate.wake();
-        }
+        self.plates.iter().for_each(|plate| plate.shut_down());
         let until = self.clock.elapsed() + within;
         let busy = |plate: &&Arc<PlateHandle>| !plate.has_ended();
         let busy_still = || self.plates.iter().any(|plate| busy(&plate)) || !self.watchdog.is_finished();

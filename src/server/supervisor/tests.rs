@@ -39,7 +39,7 @@ impl TestPlates {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let limits = crate::store::tests::limits();
-        let store = Store::open(folder.path(), &[], limits, jiff::Timestamp::now).unwrap().0;
+        let store = Store::open(folder.path(), &[], 64, limits, jiff::Timestamp::now).unwrap().0;
         Self { folder, store: Arc::new(store), standing: None, allow_faults: false, waits_after_jobs: false }
     }
 
@@ -192,7 +192,7 @@ fn an_emergency_stop_ends_the_job_and_holds_until_reset_and_resume() {
     assert_eq!((state, recording), (PlateState::Running, Some(RecordingState::Off)));
     assert_eq!(plate.emergency_stop.interlock.stop_times(), None);
     assert!(plate.estop() && !plate.estop());
-    assert!(plate.record_estop(caller("ann")));
+    assert_eq!(plate.record_estop(caller("ann")).iter().collect::<Vec<_>>(), [true]);
     let ended = test_plates.ended(&first);
     assert_eq!(ended.state, JobState::Cancelled);
     assert!(ended.reason.starts_with("emergency stop"), "{}", ended.reason);
@@ -235,7 +235,7 @@ fn a_stop_outlives_the_daemon() {
     let test_plates = TestPlates::new();
     let plates = test_plates.open(None);
     plates.get("one").unwrap().estop();
-    assert!(plates.get("one").unwrap().record_estop(caller("ann")));
+    assert_eq!(plates.get("one").unwrap().record_estop(caller("ann")).iter().collect::<Vec<_>>(), [true]);
     assert_eq!(plates.shutdown(LONG), Vec::<String>::new());
     let plates = test_plates.open(None);
     let plate = plates.get("one").unwrap();

@@ -1,6 +1,6 @@
 //! The watchdog: checks that the run on a plate is alive, and reports what is wrong with it.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use upm_core::job::{Finding, StopCause};
@@ -19,13 +19,11 @@ const MISSED_FRAMES: f64 = 3.5;
 /// Signs of life of a run, written by the plate's thread for the watchdog without waiting.
 #[derive(Debug, Default)]
 pub(super) struct Heartbeat {
-    /// Wall time of the newest frame, ms, at least 1; 0 before the first.
+    /// Wall time of the newest frame, ms, at least 1; 0 before the first, and once control has ended.
     frame_ms: AtomicU64,
     /// Plate time of that frame, and of the newest one with a part in sight, ms.
     plate_ms: AtomicU64,
     seen_ms: AtomicU64,
-    /// True once control has ended.
-    over: AtomicBool,
 }
 
 impl Heartbeat {
@@ -34,17 +32,16 @@ impl Heartbeat {
         for each in [&self.frame_ms, &self.plate_ms, &self.seen_ms] {
             each.store(0, Ordering::Relaxed);
         }
-        self.over.store(false, Ordering::Release);
     }
 
     /// Notes that control has ended: the plate is at rest, however long the files take to write.
     pub fn end(&self) {
-        self.over.store(true, Ordering::Release);
+        self.frame_ms.store(0, Ordering::Release);
     }
 
-    /// True once control has ended.
-    pub fn is_over(&self) -> bool {
-        self.over.load(Ordering::Acquire)
+    /// True from the first frame of a run until its control ends.
+    pub fn is_driven(&self) -> bool {
+        self.frame_ms.load(Ordering::Acquire) > 0
     }
 
     /// Notes a frame.
@@ -54,8 +51,7 @@ impl Heartbeat {
         if part_in_sight {
             self.seen_ms.store(plate_ms, Ordering::Relaxed);
         }
-        self.over.store(false, Ordering::Release);
-        self.frame_ms.store(ms(now).max(1), Ordering::Relaxed);
+        self.frame_ms.store(ms(now).max(1), Ordering::Release);
     }
 }
 

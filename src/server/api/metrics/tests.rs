@@ -51,7 +51,7 @@ fn metrics_equal_the_observed_values() {
 #[test]
 fn unknown_values_are_omitted_and_odd_names_escaped() {
     let mut observed = Observed::healthy();
-    observed.free_bytes = None;
+    observed.counted.free_bytes = None;
     observed.plates[1].name = "a\\b\"c\nd".to_owned();
     observed.store_fault = Some(StoreError::Full);
     observed.store_silence = Duration::from_secs(60);

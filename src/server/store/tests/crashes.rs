@@ -3,7 +3,8 @@ use std::fs;
 use super::*;
 use crate::states::PauseCause;
 use crate::store::RecoveryReport;
-use crate::store::schema::{APPLICATION_ID, VERSION};
+use crate::store::VERSION;
+use crate::store::schema::APPLICATION_ID;
 
 /// Names of the plates that are paused.
 fn paused(recovery: &RecoveryReport) -> Vec<String> {
@@ -13,17 +14,17 @@ fn paused(recovery: &RecoveryReport) -> Vec<String> {
 #[test]
 fn nothing_that_was_answered_is_lost_and_nothing_runs_twice() {
     let (folder, store) = new_store(limits());
-    let running = begin(&store, "one", "a").id;
-    let waiting = queue(&store, "two", "a").id;
-    fs::write(store.runs().join("one/journal.jsonl"), "{}\n").unwrap();
+    let begun = begin(&store, "one", "a");
+    let (running, waiting) = (begun.id, queue(&store, "two", "a").id);
+    fs::write(self::folder(&store, &begun).join("journal.jsonl"), "{}\n").unwrap();
     let (_copy, (again, recovery)) = killed(folder.path());
     assert_eq!((paused(&recovery), &recovery.known), (plates(), &plates()));
     assert_eq!((recovery.clean, recovery.interrupted, recovery.ended), (false, vec![running], vec![]));
     let row = job(&again, running);
     assert_eq!((row.state, row.reason.as_str()), (JobState::Interrupted, "the daemon ended while it ran"));
     assert_eq!((row.finished_at.is_some(), row.recording), (true, RecordingStatus::None));
-    assert_eq!(fs::read_to_string(again.runs().join("one/journal.jsonl")).unwrap(), "{}\n");
-    assert_eq!(claim(&again, "a").unwrap().row.id, waiting);
+    assert_eq!(fs::read_to_string(self::folder(&again, &row).join("journal.jsonl")).unwrap(), "{}\n");
+    assert_eq!(claim(&again, "a").unwrap().id, waiting);
     assert_eq!(claim(&again, "a"), None);
 }
 
@@ -36,7 +37,7 @@ fn store_killed_after_any_write_opens_with_that_write() {
     assert_eq!(states(folder.path()), [JobState::Queued]);
     claim(&store, "a").unwrap();
     assert_eq!(states(folder.path()), [JobState::Interrupted]);
-    store.finish(&id, &end(JobState::Completed)).unwrap();
+    finish(&store, &id, JobState::Completed).unwrap();
     assert_eq!(states(folder.path()), [JobState::Completed]);
     fs::remove_file(folder.path().join("upm.db-shm")).unwrap();
     assert_eq!(states(folder.path()), [JobState::Completed], "the index of the log is made anew");
@@ -90,8 +91,8 @@ fn after_an_orderly_end_only_plates_with_work_or_a_pause_are_paused() {
         store.set_pause("b", pause, &AuditEntry::of_plate("b", act, "why")).unwrap();
     };
     set_pause(&store, AuditEntry::RESUME, None);
-    let id = claim(&store, "b").unwrap().row.id;
-    store.finish(&id, &end(JobState::Completed)).unwrap();
+    let id = claim(&store, "b").unwrap().id;
+    finish(&store, &id, JobState::Completed).unwrap();
     assert!(store.close(TIMEOUT));
     let (store, recovery) = open(folder.path(), limits());
     assert_eq!((recovery.clean, recovery.paused), (true, vec![]));
@@ -129,12 +130,12 @@ fn run_that_had_ended_keeps_its_outcome_and_a_damaged_folder_harms_its_job_alone
         ("odd", r#"{"outcome": "running"}"#.to_owned(), JobState::Interrupted, "the daemon ended while it ran"),
     ];
     let ids = runs.each_ref().map(|(name, report, ..)| {
-        let id = begin(&store, name, "a").id;
-        fs::write(store.runs().join(name).join("report.json"), report).unwrap();
-        id
+        let row = begin(&store, name, "a");
+        fs::write(self::folder(&store, &row).join("report.json"), report).unwrap();
+        row.id
     });
-    let gone = begin(&store, "gone", "a").id;
-    fs::remove_dir(store.runs().join("gone")).unwrap();
+    let gone = begin(&store, "gone", "a");
+    fs::remove_dir(self::folder(&store, &gone)).unwrap();
     let (_copy, (store, recovery)) = killed(folder.path());
     assert_eq!((recovery.ended.len(), recovery.interrupted.len()), (3, 4));
     for ((name, _, state, reason), id) in runs.into_iter().zip(ids) {
@@ -142,7 +143,7 @@ fn run_that_had_ended_keeps_its_outcome_and_a_damaged_folder_harms_its_job_alone
         assert_eq!((row.state, row.reason.as_str()), (state, reason), "{name}");
         assert_eq!(row.progress, if state == JobState::Completed { 1.0 } else { 0.0 });
     }
-    assert_eq!(job(&store, gone).state, JobState::Interrupted);
+    assert_eq!(job(&store, gone.id).state, JobState::Interrupted);
 }
 
 #[test]
@@ -158,20 +159,21 @@ fn recording_is_as_its_report_says_and_fifos_do_not_block_the_start() {
         ("cut", None, RecordingStatus::Partial),
     ];
     let ids = runs.map(|(name, report, _)| {
-        let (id, run) = (begin(&store, name, "a").id, store.runs().join(name));
+        let row = begin(&store, name, "a");
+        let run = self::folder(&store, &row);
         fs::write(run.join("run.rrd"), "rerun").unwrap();
         report.into_iter().for_each(|report| fs::write(run.join("report.json"), report).unwrap());
-        id
+        row.id
     });
-    let fifo = begin(&store, "fifo", "a").id;
+    let fifo = begin(&store, "fifo", "a");
     drop(store);
     for file in ["journal.jsonl", "run.rrd", "report.json"] {
-        let path = folder.path().join("runs/fifo").join(file);
+        let path = folder.path().join("runs").join(fifo.folder.as_ref().unwrap()).join(file);
         mknodat(CWD, path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
     }
     let store = open(folder.path(), limits()).0;
     assert_eq!(ids.map(|id| job(&store, id).recording), runs.map(|(.., kept)| kept));
-    assert_eq!(job(&store, fifo).recording, RecordingStatus::Partial);
+    assert_eq!(job(&store, fifo.id).recording, RecordingStatus::Partial);
 }
 
 #[test]
@@ -244,7 +246,7 @@ fn ids_rise_across_a_clock_set_back() {
     let (folder, store) = new_store(limits());
     let first = queue(&store, "one", "a").id;
     assert!(store.close(TIMEOUT));
-    let store = Store::open(folder.path(), &plates(), limits(), || Timestamp::UNIX_EPOCH).unwrap().0;
+    let store = Store::open(folder.path(), &plates(), QUEUE, limits(), || Timestamp::UNIX_EPOCH).unwrap().0;
     let row = queue(&store, "two", "a");
     assert!(row.id > first);
     claim(&store, "a").unwrap();

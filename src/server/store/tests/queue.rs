@@ -15,9 +15,9 @@ fn answered_job_is_the_stored_one() {
     assert_eq!((row.seed, row.pace, row.submitted_at.as_str()), (u64::MAX, Pace::Max, FIXED_TIME));
     let claimed = claim(&store, "a").unwrap();
     assert_eq!(claimed.spec_json, r#"{"name": "one"}"#);
-    assert_eq!((claimed.row.state, claimed.row.started_at.as_deref()), (JobState::Running, Some(FIXED_TIME)));
-    store.finish(&row.id, &end(JobState::Failed)).unwrap();
-    store.finish(&row.id, &end(JobState::Completed)).unwrap();
+    assert_eq!((claimed.state, claimed.started_at.as_deref()), (JobState::Running, Some(FIXED_TIME)));
+    finish(&store, &row.id, JobState::Failed).unwrap();
+    finish(&store, &row.id, JobState::Completed).unwrap();
     let ended = Job {
         state: JobState::Failed,
         finished_at: Some(FIXED_TIME.into()),
@@ -25,19 +25,19 @@ fn answered_job_is_the_stored_one() {
         report: Some(Default::default()),
         recording: RecordingStatus::Whole,
         progress: 0.25,
-        ..claimed.row.job.clone()
+        ..claimed.job.clone()
     };
-    let ended = JobRow { job: ended, ..claimed.row };
+    let ended = without_spec(JobRow { job: ended, ..claimed });
     assert_eq!(job(&store, row.id), ended, "it ends once");
     assert!(store.close(TIMEOUT));
     assert_eq!(store.job(&row.id), Err(StoreError::Closed));
     assert_eq!(job(&open(folder.path(), limits()).0, row.id), ended);
-    assert!(store.finish(&no_job(), &end(JobState::Failed)).is_err());
+    assert!(finish(&store, &no_job(), JobState::Failed).is_err());
 }
 
 #[test]
 fn many_at_once_are_accepted_or_refused_and_none_is_lost() {
-    let (_folder, store) = new_store(StoreLimits { queued: 30, ..limits() });
+    let (_folder, store) = new_store(limits());
     let answers: Vec<SubmitOutcome> = std::thread::scope(|scope| {
         let send = |thread: usize| {
             let (store, name) = (&store, move |number| format!("job-{thread}-{number}"));
@@ -49,7 +49,7 @@ fn many_at_once_are_accepted_or_refused_and_none_is_lost() {
     });
     let accepted = answers.iter().filter_map(|answer| match answer {
         SubmitOutcome::New(row) => Some(row.id),
-        SubmitOutcome::QueueFull { queued: 30 } => None,
+        SubmitOutcome::QueueFull { queued: QUEUE } => None,
         other => panic!("{other:?}"),
     });
     let accepted: BTreeSet<JobId> = accepted.collect();
@@ -64,7 +64,7 @@ fn each_job_is_claimed_once_in_the_order_of_submission() {
     let (_folder, store) = new_store(limits());
     let queued: Vec<JobId> = (0..20).map(|number| queue(&store, &format!("job-{number}"), "a").id).collect();
     let claimed: Vec<Vec<JobId>> = std::thread::scope(|scope| {
-        let all = || std::iter::from_fn(|| claim(&store, "a")).map(|claimed| claimed.row.id).collect();
+        let all = || std::iter::from_fn(|| claim(&store, "a")).map(|claimed| claimed.id).collect();
         [scope.spawn(all), scope.spawn(all)].map(|thread| thread.join().unwrap()).to_vec()
     });
     assert!(claimed.iter().all(|ids| ids.is_sorted()));
@@ -84,10 +84,10 @@ fn job_moved_to_the_front_runs_first_also_after_a_restart() {
     assert_eq!(to_front(&store, no_job()), None);
     drop(store);
     let store = open(folder.path(), limits()).0;
-    let next = claim(&store, "a").unwrap().row;
+    let next = claim(&store, "a").unwrap();
     assert_eq!((next.id, next.turn), (third, -2));
     assert_eq!(to_front(&store, third), Some(-2), "a running job stays as it is");
-    assert_eq!([(); 2].map(|()| claim(&store, "a").unwrap().row.id), [second, first]);
+    assert_eq!([(); 2].map(|()| claim(&store, "a").unwrap().id), [second, first]);
 }
 
 #[test]
@@ -109,21 +109,25 @@ fn only_queued_jobs_are_cancelled() {
 fn folder_that_cannot_be_made_leaves_the_job_queued() {
     let (_folder, store) = new_store(limits());
     let id = queue(&store, "one", "a").id;
-    let fault = store.claim("a", &|_| Err(io::Error::from(io::ErrorKind::StorageFull))).unwrap_err();
-    assert_eq!((fault.clone(), store.fault()), (StoreError::Full, Some(fault)));
-    assert_eq!(job(&store, id).state, JobState::Queued);
+    fs::remove_dir(store.runs()).unwrap();
+    fs::write(store.runs(), "no folder").unwrap();
+    let fault = store.claim("a").unwrap_err();
+    assert!(matches!(fault, StoreError::Io(_)), "{fault}");
+    assert_eq!((store.fault(), job(&store, id).state), (Some(fault), JobState::Queued));
+    fs::remove_file(store.runs()).unwrap();
     store.retry();
-    assert_eq!((store.fault(), claim(&store, "a").unwrap().row.id), (None, id));
+    assert_eq!((store.fault(), claim(&store, "a").unwrap().id), (None, id));
 }
 
 #[test]
 fn repeated_key_gives_the_same_job_also_after_its_deletion() {
     let (folder, store) = new_store(limits());
     let mut keyed = new_job("one", "a");
-    keyed.row.key = Some("k".into());
+    keyed.key = Some("k".into());
     let SubmitOutcome::New(row) = accept(&store, &keyed) else { panic!("a new key") };
+    let row = without_spec(row);
     let mut other = keyed.clone();
-    other.row.body_sha256 = [8; 32];
+    other.body_sha256 = [8; 32];
     assert_eq!(accept(&store, &keyed), SubmitOutcome::Replayed(row.clone()));
     assert_eq!(accept(&store, &other), SubmitOutcome::KeyReused);
     assert_eq!(store.repeated("k", &[7; 32]), Ok(Some(SubmitOutcome::Replayed(row.clone()))));
@@ -147,13 +151,13 @@ fn job_is_not_stored_when_its_client_has_gone() {
 fn deleted_job_leaves_no_folder_and_a_running_one_stays() {
     let (_folder, store) = new_store(limits());
     let row = begin(&store, "one", "a");
-    fs::write(store.runs().join("one/journal.jsonl"), "{}\n").unwrap();
+    fs::write(folder(&store, &row).join("journal.jsonl"), "{}\n").unwrap();
     let entry = || AuditEntry { act: AuditEntry::DELETE.into(), ..AuditEntry::default() };
     assert_eq!(store.delete(&row.id, entry()), Ok(Some(false)));
-    store.finish(&row.id, &end(JobState::Completed)).unwrap();
+    finish(&store, &row.id, JobState::Completed).unwrap();
     assert_eq!(store.delete(&row.id, entry()), Ok(Some(true)));
     assert_eq!(store.delete(&row.id, entry()), Ok(None));
-    assert!(!store.runs().join("one").exists());
+    assert!(!folder(&store, &row).exists());
     assert_eq!(store.audit_log(), [("delete".to_owned(), String::new())]);
 }
 
