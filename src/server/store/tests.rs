@@ -4,6 +4,7 @@ mod retention;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::Duration;
 
 use jiff::Timestamp;
@@ -29,11 +30,8 @@ impl Store {
 
     /// Makes every further write to the audit log fail, until called with false.
     pub(crate) fn fail_audit(&self, fails: bool) {
-        let sql = if fails {
-            "CREATE TEMP TRIGGER fails BEFORE INSERT ON audit BEGIN SELECT RAISE(ABORT, 'a test'); END"
-        } else {
-            "DROP TRIGGER fails"
-        };
+        let begin = "CREATE TEMP TRIGGER fails BEFORE INSERT ON audit BEGIN SELECT RAISE(ABORT, 'a test'); END";
+        let sql = if fails { begin } else { "DROP TRIGGER fails" };
         let opened = self.opened.lock();
         opened.as_ref().unwrap().0.execute_batch(sql).unwrap();
     }
@@ -137,20 +135,8 @@ fn finish(store: &Store, id: &JobId, state: JobState) -> Result<(), StoreError> 
 /// A store killed now and opened again, on a copy of its files.
 fn killed(data: &Path) -> (tempfile::TempDir, (Store, RecoveryReport)) {
     let copy = tempfile::tempdir().unwrap();
-    copy_folder(data, copy.path());
+    let copied = Command::new("cp").arg("-a").arg(data.join(".")).arg(copy.path()).status();
+    assert!(copied.unwrap().success());
     let opened = open(copy.path(), limits());
     (copy, opened)
-}
-
-fn copy_folder(from: &Path, to: &Path) {
-    for entry in std::fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        let there = to.join(entry.file_name());
-        if entry.file_type().unwrap().is_dir() {
-            std::fs::create_dir(&there).unwrap();
-            copy_folder(&entry.path(), &there);
-        } else {
-            std::fs::copy(entry.path(), there).unwrap();
-        }
-    }
 }

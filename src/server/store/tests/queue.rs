@@ -3,10 +3,6 @@ use std::fs;
 
 use super::*;
 
-fn no_job() -> JobId {
-    JobId::default()
-}
-
 #[test]
 fn answered_job_is_the_stored_one() {
     let (folder, store) = new_store(limits());
@@ -18,21 +14,15 @@ fn answered_job_is_the_stored_one() {
     assert_eq!((claimed.state, claimed.started_at.as_deref()), (JobState::Running, Some(FIXED_TIME)));
     finish(&store, &row.id, JobState::Failed).unwrap();
     finish(&store, &row.id, JobState::Completed).unwrap();
-    let ended = Job {
-        state: JobState::Failed,
-        finished_at: Some(FIXED_TIME.into()),
-        reason: "so it went".into(),
-        report: Some(Default::default()),
-        recording: RecordingStatus::Whole,
-        progress: 0.25,
-        ..claimed.job.clone()
-    };
-    let ended = without_spec(JobRow { job: ended, ..claimed });
+    let mut ended = without_spec(claimed);
+    ended.job.set_end(JobState::Failed, "so it went");
+    (ended.job.finished_at, ended.job.report) = (Some(FIXED_TIME.into()), Some(Default::default()));
+    (ended.job.recording, ended.job.progress) = (RecordingStatus::Whole, 0.25);
     assert_eq!(job(&store, row.id), ended, "it ends once");
     assert!(store.close(TIMEOUT));
     assert_eq!(store.job(&row.id), Err(StoreError::Closed));
     assert_eq!(job(&open(folder.path(), limits()).0, row.id), ended);
-    assert!(finish(&store, &no_job(), JobState::Failed).is_err());
+    assert!(finish(&store, &JobId::default(), JobState::Failed).is_err());
 }
 
 #[test]
@@ -81,7 +71,7 @@ fn job_moved_to_the_front_runs_first_also_after_a_restart() {
     assert_eq!(to_front(&store, second), Some(-1));
     assert_eq!(to_front(&store, third), Some(-2));
     assert_eq!([third, elsewhere].map(|id| to_front(&store, id)), [Some(-2), Some(0)], "they are first already");
-    assert_eq!(to_front(&store, no_job()), None);
+    assert_eq!(to_front(&store, JobId::default()), None);
     drop(store);
     let store = open(folder.path(), limits()).0;
     let next = claim(&store, "a").unwrap();
@@ -101,7 +91,7 @@ fn only_queued_jobs_are_cancelled() {
     assert_eq!((row.state, row.reason.as_str()), (JobState::Cancelled, "cancelled before it began"));
     assert!(is_cancelled);
     assert!(matches!(cancel(waiting), Some((row, false)) if row.state == JobState::Cancelled));
-    assert_eq!(cancel(no_job()), None);
+    assert_eq!(cancel(JobId::default()), None);
     assert_eq!(claim(&store, "a"), None);
 }
 
