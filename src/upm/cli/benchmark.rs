@@ -20,7 +20,6 @@ use upm_control::{FrameFacts, Sink};
 use upm_core::ground_truth::GroundTruthHandle;
 use upm_core::job::CameraMode;
 use upm_core::time::{Clock, MonotonicClock};
-use upm_planning::planner::PlanningMethod;
 use upm_recording::{Fanout, Journal, rounded};
 use upm_runner::config::{JobSpec, Origin, one_of};
 use upm_runner::episode::{Episode, EpisodeParams};
@@ -42,6 +41,8 @@ const TASKS: [&str; 9] = [
 /// Streams of eight pennies, in which a part that has arrived gets a new place, and the distance within which it has
 /// arrived, mm: that of the other tasks, and 65 % of a penny's diameter, the share by which MagBotSim counts its goals.
 const STREAMS: [(&str, f64); 2] = [("stream-8", 0.5), ("stream-8-coarse", 12.4)];
+/// The planner of fields, which turns the steps of an episode into motions.
+const STREAM_PLANNER: &str = "synthesized_field";
 /// Places that a stream's parts reach in all.
 const GOALS: u64 = 500;
 
@@ -173,9 +174,10 @@ fn run(folder: &Path, task: &str, planner: Option<&str>, seed: u64, stop: &Atomi
 
 /// A stream by the planner of fields, which learns how far its steps carry each part.
 fn stream(folder: &Path, within_mm: f64, planner: Option<&str>, seed: u64, stop: &AtomicBool) -> Result<Row, Failure> {
-    let own = PlanningMethod::SynthesizedField.code();
-    if let Some(other) = planner.filter(|planner| *planner != own) {
-        return Err(Failure::bad_input(format!("benchmark: a stream takes the planner {own}, found {other:?}")));
+    if let Some(other) = planner.filter(|planner| *planner != STREAM_PLANNER) {
+        return Err(Failure::bad_input(format!(
+            "benchmark: a stream takes the planner {STREAM_PLANNER}, found {other:?}"
+        )));
     }
     let text = json!({
         "parts": [{"kind": "penny", "count": 8}], "task": {"type": "stream"}, "action": "steps",
@@ -194,7 +196,7 @@ fn stream(folder: &Path, within_mm: f64, planner: Option<&str>, seed: u64, stop:
     let makespan_s = episode.outcome().plate_time_s;
     let success = goals >= GOALS;
     Ok(Row {
-        planner: own.to_owned(),
+        planner: STREAM_PLANNER.to_owned(),
         success,
         makespan_s,
         throughput_per_s: if success { goals as f64 / makespan_s } else { 0.0 },
