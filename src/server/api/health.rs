@@ -22,7 +22,7 @@ pub(crate) struct Observed {
     pub plates_alive: Result<(), String>,
     /// The plates, in the order of the configuration.
     pub plates: Vec<Plate>,
-    /// What was counted last.
+    /// Counts of jobs and free space, the last ones.
     pub counted: Counted,
     /// Time since the store was last read.
     pub store_silence: Duration,
